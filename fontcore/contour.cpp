@@ -1,0 +1,191 @@
+#include "fontcore/contour.h"
+
+#include <cmath>
+
+#include "fontcore/error.h"
+
+namespace fontcore {
+
+std::array<double, 4> bernstein(int degree, double u) {
+  const double v = 1.0 - u;
+  switch (degree) {
+    case 1:
+      return {v, u, 0.0, 0.0};
+    case 2:
+      return {v * v, 2.0 * u * v, u * u, 0.0};
+    case 3:
+      return {v * v * v, 3.0 * u * v * v, 3.0 * u * u * v, u * u * u};
+    default:
+      throw InvalidInput(text("bernstein: degree ", degree, " is not 1, 2 or 3"));
+  }
+}
+
+Point evaluate(const Bezier& bezier, double u) {
+  const auto weight = bernstein(bezier.degree, u);
+  Point sum = Point::Zero();
+  for (std::size_t k = 0; k <= static_cast<std::size_t>(bezier.degree); ++k) sum += weight[k] * bezier.p[k];
+  return sum;
+}
+
+Point derivative(const Bezier& bezier, double u) {
+  const double v = 1.0 - u;
+  const auto& p = bezier.p;
+  switch (bezier.degree) {
+    case 1:
+      return p[1] - p[0];
+    case 2:
+      return 2.0 * (v * (p[1] - p[0]) + u * (p[2] - p[1]));
+    default:
+      return 3.0 * (v * v * (p[1] - p[0]) + 2.0 * u * v * (p[2] - p[1]) + u * u * (p[3] - p[2]));
+  }
+}
+
+std::array<Bezier, 2> split(const Bezier& bezier, double u) {
+  std::array<Bezier, 2> part;
+  part[0].degree = part[1].degree = bezier.degree;
+  const auto n = static_cast<std::size_t>(bezier.degree);
+  std::array<Point, 4> q = bezier.p;
+  for (std::size_t level = 0; level <= n; ++level) {
+    part[0].p[level] = q[0];
+    part[1].p[n - level] = q[n - level];
+    for (std::size_t k = 0; k + level < n; ++k) q[k] = (1.0 - u) * q[k] + u * q[k + 1];
+  }
+  return part;
+}
+
+Point start_tangent(const Bezier& bezier) {
+  for (std::size_t k = 1; k <= static_cast<std::size_t>(bezier.degree); ++k) {
+    const Point d = bezier.p[k] - bezier.p[0];
+    if (d != Point::Zero()) return d.normalized();
+  }
+  return Point::Zero();
+}
+
+Point end_tangent(const Bezier& bezier) {
+  for (auto k = static_cast<std::size_t>(bezier.degree); k-- > 0;) {
+    const Point d = bezier.end() - bezier.p[k];
+    if (d != Point::Zero()) return d.normalized();
+  }
+  return Point::Zero();
+}
+
+bool is_degenerate(const Bezier& bezier) {
+  for (std::size_t k = 1; k <= static_cast<std::size_t>(bezier.degree); ++k) {
+    if (bezier.p[k] != bezier.p[0]) return false;
+  }
+  return true;
+}
+
+namespace {
+
+void require_finite(const Points& points) {
+  for (Eigen::Index i = 0; i < points.rows(); ++i) {
+    if (!points.row(i).allFinite()) throw InvalidInput(text("BezierContour: point ", i, " is not finite"));
+  }
+}
+
+}  // namespace
+
+BezierContour::BezierContour(Points points, std::vector<PointKind> kinds)
+    : points_(std::move(points)), kinds_(std::move(kinds)) {
+  const int n = static_cast<int>(kinds_.size());
+  if (n == 0 || points_.rows() != n) {
+    throw InvalidInput(text("BezierContour: ", points_.rows(), " points but ", n, " kinds"));
+  }
+  require_finite(points_);
+  for (int i = 0; i < n; ++i) {
+    if (is_node(kind(i))) first_.push_back(i);
+  }
+  if (first_.empty()) throw InvalidInput(text("BezierContour: no node among ", n, " points"));
+  for (std::size_t s = 0; s < first_.size(); ++s) {
+    const int from = first_[s];
+    const int to = s + 1 < first_.size() ? first_[s + 1] : first_[0] + n;
+    const int degree = to - from;
+    bool fits = degree <= 3;
+    for (int k = from + 1; fits && k < to; ++k)
+      fits = kind(k % n) == (degree == 2 ? PointKind::Quadratic : PointKind::Cubic);
+    if (!fits)
+      throw InvalidInput(text("BezierContour: ", degree - 1, " handles after point ", from, " form no segment"));
+    degree_.push_back(degree);
+  }
+}
+
+int BezierContour::point_of(int segment, int k) const {
+  const int index = node(segment) + k;
+  const int n = static_cast<int>(kinds_.size());
+  return index < n ? index : index - n;
+}
+
+Bezier BezierContour::segment(int index) const {
+  Bezier bezier;
+  bezier.degree = degree(index);
+  for (int k = 0; k <= bezier.degree; ++k) bezier.p[static_cast<std::size_t>(k)] = point(point_of(index, k));
+  return bezier;
+}
+
+BezierContour BezierContour::with_points(Points points) const {
+  if (points.rows() != points_.rows()) {
+    throw InvalidInput(text("with_points: ", points.rows(), " points for a contour of ", points_.rows()));
+  }
+  require_finite(points);
+  BezierContour moved = *this;
+  moved.points_ = std::move(points);
+  return moved;
+}
+
+bool operator==(const BezierContour& a, const BezierContour& b) {
+  return a.kinds() == b.kinds() && a.points() == b.points();
+}
+
+BezierContour from_quadratic_points(const Points& points, const std::vector<bool>& on_curve) {
+  const auto n = static_cast<Eigen::Index>(on_curve.size());
+  std::vector<PointKind> kinds;
+  std::vector<Point> list;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const Eigen::Index j = (i + 1) % n;
+    list.emplace_back(points.row(i));
+    kinds.push_back(on_curve[static_cast<std::size_t>(i)] ? PointKind::Node : PointKind::Quadratic);
+    if (!on_curve[static_cast<std::size_t>(i)] && !on_curve[static_cast<std::size_t>(j)]) {
+      list.emplace_back(0.5 * (points.row(i) + points.row(j)));
+      kinds.push_back(PointKind::ImpliedNode);
+    }
+  }
+  Points all(static_cast<Eigen::Index>(list.size()), 2);
+  for (Eigen::Index i = 0; i < all.rows(); ++i) all.row(i) = list[static_cast<std::size_t>(i)];
+  return {std::move(all), std::move(kinds)};
+}
+
+BezierContour transform(const BezierContour& contour, const Affine& map) {
+  Points moved = (contour.points() * map.linear.transpose()).rowwise() + map.shift.transpose();
+  return contour.with_points(std::move(moved));
+}
+
+BezierContour reverse(const BezierContour& contour) {
+  const Eigen::Index n = contour.point_count();
+  Points points(n, 2);
+  std::vector<PointKind> kinds(static_cast<std::size_t>(n));
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const Eigen::Index j = (n - i) % n;
+    points.row(i) = contour.points().row(j);
+    kinds[static_cast<std::size_t>(i)] = contour.kind(static_cast<int>(j));
+  }
+  return {std::move(points), std::move(kinds)};
+}
+
+Points to_polyline(const BezierContour& contour, double step) {
+  if (!(step > 0.0)) throw InvalidInput(text("to_polyline: step ", step, " is not positive"));
+  std::vector<Point> list;
+  for (int s = 0; s < contour.segment_count(); ++s) {
+    const Bezier bezier = contour.segment(s);
+    double polygon = 0.0;
+    for (std::size_t k = 0; k < static_cast<std::size_t>(bezier.degree); ++k)
+      polygon += (bezier.p[k + 1] - bezier.p[k]).norm();
+    const int pieces = std::max(1, static_cast<int>(std::ceil(polygon / step)));
+    for (int k = 0; k < pieces; ++k) list.push_back(evaluate(bezier, static_cast<double>(k) / pieces));
+  }
+  Points polyline(static_cast<Eigen::Index>(list.size()), 2);
+  for (Eigen::Index i = 0; i < polyline.rows(); ++i) polyline.row(i) = list[static_cast<std::size_t>(i)];
+  return polyline;
+}
+
+}  // namespace fontcore

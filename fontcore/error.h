@@ -1,0 +1,27 @@
+#pragma once
+
+#include <sstream>
+#include <stdexcept>
+#include <string>
+
+namespace fontcore {
+
+/// A broken precondition: what was given, and where. One line.
+struct InvalidInput : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+/// Rules that cannot all hold; the text names them and what they ask.
+struct UnsatisfiableConstraints : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+/// Builds an error text from its facts: `text("contour ", 3, ": area is ", 0.0)`.
+template <typename... Facts>
+std::string text(const Facts&... facts) {
+  std::ostringstream out;
+  (out << ... << facts);
+  return out.str();
+}
+
+}  // namespace fontcore
