@@ -1,0 +1,375 @@
+#include "fontcore/measure.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <span>
+
+#include "fontcore/error.h"
+
+namespace fontcore {
+
+namespace {
+
+double cross(const Point& a, const Point& b) { return a.x() * b.y() - a.y() * b.x(); }
+
+// Twice the area swept by a Bernstein segment is a sum of weighted cross products of its control points.
+struct CrossWeight {
+  std::size_t i, j;
+  double weight;
+};
+
+std::span<const CrossWeight> area_weights(int degree) {
+  static constexpr CrossWeight line[] = {{0, 1, 1.0 / 2}};
+  static constexpr CrossWeight quadratic[] = {{0, 1, 1.0 / 3}, {1, 2, 1.0 / 3}, {0, 2, 1.0 / 6}};
+  static constexpr CrossWeight cubic[] = {{0, 1, 0.3},  {0, 2, 0.15}, {0, 3, 0.05},
+                                          {1, 2, 0.15}, {1, 3, 0.15}, {2, 3, 0.3}};
+  switch (degree) {
+    case 1:
+      return line;
+    case 2:
+      return quadratic;
+    default:
+      return cubic;
+  }
+}
+
+Bezier shifted(Bezier bezier, const Point& origin) {
+  for (auto& p : bezier.p) p -= origin;
+  return bezier;
+}
+
+// Nodes and weights of the five-point Gauss-Legendre rule on [0, 1].
+constexpr std::array<double, 5> gauss_node = {0.046910077030668004, 0.23076534494715845, 0.5, 0.76923465505284155,
+                                              0.95308992296933200};
+constexpr std::array<double, 5> gauss_weight = {0.11846344252809454, 0.23931433524968324, 0.28444444444444444,
+                                                0.23931433524968324, 0.11846344252809454};
+
+double length_between(const Bezier& bezier, double u0, double u1) {
+  double sum = 0.0;
+  for (std::size_t k = 0; k < gauss_node.size(); ++k) {
+    sum += gauss_weight[k] * derivative(bezier, u0 + gauss_node[k] * (u1 - u0)).norm();
+  }
+  return sum * (u1 - u0);
+}
+
+double length_within(const Bezier& bezier, double u0, double u1, double whole, int depth) {
+  const double middle = 0.5 * (u0 + u1);
+  const double a = length_between(bezier, u0, middle);
+  const double b = length_between(bezier, middle, u1);
+  if (depth == 0 || std::abs(a + b - whole) <= 1e-11 * (a + b)) return a + b;
+  return length_within(bezier, u0, middle, a, depth - 1) + length_within(bezier, middle, u1, b, depth - 1);
+}
+
+}  // namespace
+
+double signed_area(const Bezier& bezier) {
+  double area = 0.0;
+  for (const auto& [i, j, weight] : area_weights(bezier.degree)) area += weight * cross(bezier.p[i], bezier.p[j]);
+  return area;
+}
+
+double signed_area(const BezierContour& contour) {
+  const Point origin = contour.point(0);
+  double area = 0.0;
+  for (int s = 0; s < contour.segment_count(); ++s) area += signed_area(shifted(contour.segment(s), origin));
+  return area;
+}
+
+double signed_area(const std::vector<BezierContour>& contours) {
+  double area = 0.0;
+  for (const auto& contour : contours) area += signed_area(contour);
+  return area;
+}
+
+Points area_gradient(const BezierContour& contour) {
+  const Point origin = contour.point(0);
+  Points gradient = Points::Zero(contour.point_count(), 2);
+  for (int s = 0; s < contour.segment_count(); ++s) {
+    const Bezier bezier = shifted(contour.segment(s), origin);
+    for (const auto& [i, j, weight] : area_weights(bezier.degree)) {
+      gradient.row(contour.point_of(s, static_cast<int>(i))) +=
+          weight * Eigen::RowVector2d(bezier.p[j].y(), -bezier.p[j].x());
+      gradient.row(contour.point_of(s, static_cast<int>(j))) +=
+          weight * Eigen::RowVector2d(-bezier.p[i].y(), bezier.p[i].x());
+    }
+  }
+  return gradient;
+}
+
+double limit_area(const Points& control_points) {
+  const Eigen::Index n = control_points.rows();
+  const Point origin = control_points.row(0);
+  double twice = 0.0;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const auto y = [&](Eigen::Index k) { return control_points((k + n) % n, 1) - origin.y(); };
+    const double my = 5.0 / 6.0 * (y(i + 1) - y(i - 1 + n)) + 1.0 / 12.0 * (y(i + 2) - y(i - 2 + n));
+    twice += (control_points(i, 0) - origin.x()) * my;
+  }
+  return 0.5 * twice;
+}
+
+double length(const Bezier& bezier) {
+  if (bezier.degree == 1) return (bezier.p[1] - bezier.p[0]).norm();
+  return length_within(bezier, 0.0, 1.0, length_between(bezier, 0.0, 1.0), 12);
+}
+
+double length(const BezierContour& contour) {
+  double sum = 0.0;
+  for (int s = 0; s < contour.segment_count(); ++s) sum += length(contour.segment(s));
+  return sum;
+}
+
+void Box::add(const Point& point) {
+  low = low.cwiseMin(point);
+  high = high.cwiseMax(point);
+}
+
+void Box::add(const Box& box) {
+  low = low.cwiseMin(box.low);
+  high = high.cwiseMax(box.high);
+}
+
+Box control_box(const BezierContour& contour) {
+  Box box;
+  for (int i = 0; i < contour.point_count(); ++i) box.add(contour.point(i));
+  return box;
+}
+
+Box tight_box(const BezierContour& contour) {
+  Box box;
+  for (int s = 0; s < contour.segment_count(); ++s) {
+    const Bezier bezier = contour.segment(s);
+    box.add(bezier.start());
+    for (int axis = 0; axis < 2; ++axis) {
+      for (const double u : extrema(bezier, axis)) box.add(evaluate(bezier, u));
+    }
+  }
+  return box;
+}
+
+std::vector<double> extrema(const Bezier& bezier, int axis) {
+  std::vector<double> roots;
+  const auto keep = [&](double u) {
+    if (u > 0.0 && u < 1.0) roots.push_back(u);
+  };
+  const auto p = [&](std::size_t k) { return bezier.p[k][axis]; };
+  if (bezier.degree == 2) {
+    const double a = p(1) - p(0);
+    const double b = p(2) - p(1);
+    if (a != b) keep(a / (a - b));
+  } else if (bezier.degree == 3) {
+    // a (1-u)^2 + 2 b u (1-u) + c u^2 = 0, by the root formula that does not cancel.
+    const double a = p(1) - p(0);
+    const double b = p(2) - p(1);
+    const double c = p(3) - p(2);
+    const double quadratic = a - 2.0 * b + c;
+    const double half_linear = b - a;
+    const double discriminant = half_linear * half_linear - quadratic * a;
+    if (discriminant >= 0.0) {
+      const double q = -(half_linear + std::copysign(std::sqrt(discriminant), half_linear));
+      if (quadratic != 0.0) keep(q / quadratic);
+      if (q != 0.0) keep(a / q);
+    }
+  }
+  std::sort(roots.begin(), roots.end());
+  return roots;
+}
+
+std::vector<double> turning_angles(const BezierContour& contour) {
+  const int n = contour.segment_count();
+  std::vector<double> angles(static_cast<std::size_t>(n), 0.0);
+  std::vector<int> solid;  // segments that have a direction
+  for (int s = 0; s < n; ++s) {
+    if (!is_degenerate(contour.segment(s))) solid.push_back(s);
+  }
+  for (std::size_t k = 0; k < solid.size(); ++k) {
+    const int before = solid[(k + solid.size() - 1) % solid.size()];
+    const Point a = end_tangent(contour.segment(before));
+    const Point b = start_tangent(contour.segment(solid[k]));
+    angles[static_cast<std::size_t>(solid[k])] = std::atan2(cross(a, b), a.dot(b));
+  }
+  return angles;
+}
+
+namespace {
+
+constexpr int arc_table_intervals = 16;
+
+}  // namespace
+
+ArcLength::ArcLength(const Bezier& bezier) : bezier_(bezier) {
+  if (bezier.degree == 1) {
+    s_ = {0.0, (bezier.p[1] - bezier.p[0]).norm()};
+    return;
+  }
+  s_.push_back(0.0);
+  for (int k = 0; k < arc_table_intervals; ++k) {
+    const double u0 = static_cast<double>(k) / arc_table_intervals;
+    const double u1 = static_cast<double>(k + 1) / arc_table_intervals;
+    s_.push_back(s_.back() + length_within(bezier, u0, u1, length_between(bezier, u0, u1), 6));
+  }
+}
+
+double ArcLength::at(double u) const {
+  const auto intervals = static_cast<double>(s_.size() - 1);
+  const auto k = static_cast<std::size_t>(std::clamp(std::floor(u * intervals), 0.0, intervals - 1.0));
+  const double u0 = static_cast<double>(k) / intervals;
+  return bezier_.degree == 1 ? u * length() : s_[k] + length_between(bezier_, u0, u);
+}
+
+double ArcLength::inverse(double s) const {
+  if (s <= 0.0) return 0.0;
+  if (s >= length()) return 1.0;
+  if (bezier_.degree == 1) return s / length();
+  const auto above = std::upper_bound(s_.begin(), s_.end(), s);
+  const auto k = static_cast<std::size_t>(above - s_.begin()) - 1;
+  const auto intervals = static_cast<double>(s_.size() - 1);
+  double low = static_cast<double>(k) / intervals;
+  double high = static_cast<double>(k + 1) / intervals;
+  const double start = low;
+  double u = low + (high - low) * (s - s_[k]) / (s_[k + 1] - s_[k]);
+  for (int round = 0; round < 40; ++round) {  // Newton, kept inside a shrinking bracket where the speed vanishes
+    const double error = s_[k] + length_between(bezier_, start, u) - s;
+    if (std::abs(error) <= 1e-13 * length()) break;
+    (error > 0.0 ? high : low) = u;
+    const double speed = derivative(bezier_, u).norm();
+    const double next = speed > 0.0 ? u - error / speed : low;
+    u = next > low && next < high ? next : 0.5 * (low + high);
+  }
+  return u;
+}
+
+namespace {
+
+double squared_distance_to_segment(const Point& p, const Point& a, const Point& b) {
+  const Point ab = b - a;
+  const double size = ab.squaredNorm();
+  const double u = size > 0.0 ? std::clamp((p - a).dot(ab) / size, 0.0, 1.0) : 0.0;
+  return (p - a - u * ab).squaredNorm();
+}
+
+// The segments of a closed polyline, filed by the cells of a square grid that their boxes touch.
+class SegmentGrid {
+ public:
+  explicit SegmentGrid(const Points& polyline) : polyline_(polyline) {
+    for (Eigen::Index i = 0; i < polyline.rows(); ++i) box_.add(Point(polyline.row(i)));
+    const Point size = box_.high - box_.low;
+    // About four segments a side of a cell: a near point then finds its nearest in its own cell.
+    const double across = std::clamp(static_cast<double>(polyline.rows()) / 16.0, 1.0, 256.0);
+    cell_ = std::max(size.maxCoeff() / across, 1e-9);
+    columns_ = static_cast<int>(size.x() / cell_) + 1;
+    rows_ = static_cast<int>(size.y() / cell_) + 1;
+    first_.assign(static_cast<std::size_t>(columns_ * rows_) + 1, 0);
+    for_each_cell([&](std::size_t cell, int) { ++first_[cell + 1]; });
+    for (std::size_t k = 1; k < first_.size(); ++k) first_[k] += first_[k - 1];
+    segment_.resize(static_cast<std::size_t>(first_.back()));
+    std::vector<int> next = first_;
+    for_each_cell([&](std::size_t cell, int segment) { segment_[static_cast<std::size_t>(next[cell]++)] = segment; });
+  }
+
+  /// Distance of a point from the polyline: rings of cells outward until no nearer one can come.
+  double distance(const Point& p) const {
+    const int cx = column(p.x());
+    const int cy = row(p.y());
+    const Point corner = box_.low + cell_ * Point(cx, cy);
+    const double margin =
+        std::min((p - corner).minCoeff(), (corner - p).minCoeff() + cell_);  // to the border of the cell
+    double best = std::numeric_limits<double>::infinity();
+    for (int ring = 0; ring <= columns_ + rows_; ++ring) {
+      // A segment not yet seen has no point in the cells of the smaller rings.
+      const double reached = ring == 0 ? 0.0 : (ring - 1) * cell_ + margin;
+      if (reached > 0.0 && best <= reached * reached) break;
+      for (int y = cy - ring; y <= cy + ring; ++y) {
+        if (y < 0 || y >= rows_) continue;
+        const bool edge = y == cy - ring || y == cy + ring;
+        for (int x = cx - ring; x <= cx + ring; x += edge || ring == 0 ? 1 : 2 * ring) {
+          if (x < 0 || x >= columns_) continue;
+          const auto cell = static_cast<std::size_t>(y * columns_ + x);
+          for (int k = first_[cell]; k < first_[cell + 1]; ++k) {
+            const auto [a, b] = ends(segment_[static_cast<std::size_t>(k)]);
+            best = std::min(best, squared_distance_to_segment(p, a, b));
+          }
+        }
+      }
+    }
+    return std::sqrt(best);
+  }
+
+ private:
+  template <typename Visit>
+  void for_each_cell(const Visit& visit) const {
+    for (int i = 0; i < static_cast<int>(polyline_.rows()); ++i) {
+      const auto [a, b] = ends(i);
+      const auto [x0, x1] = std::minmax({column(a.x()), column(b.x())});
+      const auto [y0, y1] = std::minmax({row(a.y()), row(b.y())});
+      for (int y = y0; y <= y1; ++y) {
+        for (int x = x0; x <= x1; ++x) visit(static_cast<std::size_t>(y * columns_ + x), i);
+      }
+    }
+  }
+  std::pair<Point, Point> ends(int i) const { return {polyline_.row(i), polyline_.row((i + 1) % polyline_.rows())}; }
+  int column(double x) const { return std::clamp(static_cast<int>((x - box_.low.x()) / cell_), 0, columns_ - 1); }
+  int row(double y) const { return std::clamp(static_cast<int>((y - box_.low.y()) / cell_), 0, rows_ - 1); }
+  const Points& polyline_;
+  Box box_;
+  double cell_ = 1.0;
+  int columns_ = 1;
+  int rows_ = 1;
+  std::vector<int> first_;    // per cell, where its segments begin
+  std::vector<int> segment_;  // segments by cell
+};
+
+double one_sided_distance(const Points& from, const Points& to, double give_up_above) {
+  const SegmentGrid grid(to);
+  double worst = 0.0;
+  for (Eigen::Index i = 0; i < from.rows() && worst <= give_up_above; ++i) {
+    worst = std::max(worst, grid.distance(from.row(i).transpose()));
+  }
+  return worst;
+}
+
+}  // namespace
+
+double two_sided_distance(const Points& a, const Points& b, double give_up_above) {
+  if (a.rows() == 0 || b.rows() == 0) throw InvalidInput("two_sided_distance: a polyline without points");
+  const double there = one_sided_distance(a, b, give_up_above);
+  return there > give_up_above ? there : std::max(there, one_sided_distance(b, a, give_up_above));
+}
+
+NearestPoint nearest_point(const BezierContour& contour, const Point& place) {
+  NearestPoint best{.distance = std::numeric_limits<double>::infinity()};
+  for (int s = 0; s < contour.segment_count(); ++s) {
+    const Bezier bezier = contour.segment(s);
+    const int samples = bezier.degree == 1 ? 1 : 32;
+    const auto distance = [&](double u) { return (evaluate(bezier, u) - place).norm(); };
+    for (int k = 0; k < samples; ++k) {
+      // The minimum between two samples, by golden section; the ends are tried as they are.
+      double low = static_cast<double>(k) / samples;
+      double high = static_cast<double>(k + 1) / samples;
+      for (const double u : {low, high}) {
+        if (distance(u) < best.distance) best = {s, u, distance(u)};
+      }
+      if (bezier.degree == 1) {
+        const Point along = bezier.p[1] - bezier.p[0];
+        const double size = along.squaredNorm();
+        const double u = size > 0.0 ? std::clamp((place - bezier.p[0]).dot(along) / size, 0.0, 1.0) : 0.0;
+        if (distance(u) < best.distance) best = {s, u, distance(u)};
+        continue;
+      }
+      const double chord = (evaluate(bezier, high) - evaluate(bezier, low)).norm();
+      if (std::min(distance(low), distance(high)) - chord > best.distance) continue;
+      constexpr double ratio = 1.0 / std::numbers::phi;
+      for (int round = 0; round < 60; ++round) {
+        const double a = high - ratio * (high - low);
+        const double b = low + ratio * (high - low);
+        (distance(a) < distance(b) ? high : low) = distance(a) < distance(b) ? b : a;
+      }
+      const double u = 0.5 * (low + high);
+      if (distance(u) < best.distance) best = {s, u, distance(u)};
+    }
+  }
+  return best;
+}
+
+}  // namespace fontcore

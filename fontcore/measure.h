@@ -1,0 +1,90 @@
+#pragma once
+
+#include <limits>
+#include <vector>
+
+#include "fontcore/contour.h"
+
+namespace fontcore {
+
+/// Exact signed area that a segment sweeps seen from the origin; summed over a contour, its enclosed area.
+/// Source  Green's theorem on Bernstein polynomials; [HBS05] eq. 9.
+double signed_area(const Bezier& bezier);
+
+/// Exact signed area, positive counter-clockwise. A sum of cross products of points, so quadratic in every
+/// displacement.
+///
+/// Exact   to rounding; taken about the contour's first point, so that it does not depend on where the contour lies.
+double signed_area(const BezierContour& contour);
+double signed_area(const std::vector<BezierContour>& contours);
+
+/// Gradient of the signed area with respect to every point; implied nodes count as points of their own.
+///
+/// Shape   n×2 like the contour's points.
+/// Units   font units: a length.
+Points area_gradient(const BezierContour& contour);
+
+/// Area enclosed by the uniform quadratic B-spline with these control points.
+/// Source  [HBS05] eq. 9 to 11 at the finest level: 2A = sum x_i (5/6 (y_{i+1} - y_{i-1}) + 1/12 (y_{i+2} - y_{i-2})).
+double limit_area(const Points& control_points);
+
+/// Arc length of a segment.
+/// Exact   relative error below 1e-10 but at cusps, by Gauss-Legendre quadrature on halves until two agree.
+double length(const Bezier& bezier);
+double length(const BezierContour& contour);
+
+/// An axis-parallel box; empty until something is added.
+struct Box {
+  Point low = Point::Constant(std::numeric_limits<double>::infinity());
+  Point high = Point::Constant(-std::numeric_limits<double>::infinity());
+
+  bool is_empty() const { return !(low.x() <= high.x()); }
+  void add(const Point& point);
+  void add(const Box& box);
+};
+/// Box of all points, handles too.
+Box control_box(const BezierContour& contour);
+/// Box of the curve itself.
+Box tight_box(const BezierContour& contour);
+
+/// Parameters strictly inside (0, 1) where a coordinate (axis 0: x, 1: y) is stationary, sorted.
+std::vector<double> extrema(const Bezier& bezier, int axis);
+
+/// Angle turned at the start node of a segment, in [-pi, pi], positive to the left; 0 beside a segment of no length
+/// only if no neighbour with length is left. Segments of no length are passed over.
+///
+/// Shape   one angle a segment.
+std::vector<double> turning_angles(const BezierContour& contour);
+
+/// Arc length along one segment as a table with exact ends: s(u) and its inverse.
+///
+/// Exact   s at the table's nodes as `length`; between them, and the inverse by Newton, to 1e-10 of the length.
+class ArcLength {
+ public:
+  explicit ArcLength(const Bezier& bezier);
+  double length() const { return s_.back(); }
+  double at(double u) const;       ///< s of u
+  double inverse(double s) const;  ///< u of s; s is clamped to [0, length]
+
+ private:
+  Bezier bezier_;
+  std::vector<double> s_;
+};
+
+/// Largest distance of a point of one closed polyline from the other, in both directions (Hausdorff), point to segment.
+///
+/// Exact   for the vertices given; sample finely. If `give_up_above` is met, the search ends early with a larger value.
+double two_sided_distance(const Points& a, const Points& b,
+                          double give_up_above = std::numeric_limits<double>::infinity());
+
+/// The point of a contour nearest to a place; the first in segment order if several are equally near.
+///
+/// Exact   u to 1e-8 where the distance has one minimum between samples 1/32 apart.
+struct NearestPoint {
+  int segment = 0;
+  double u = 0.0;
+  double distance = 0.0;
+};
+NearestPoint nearest_point(const BezierContour& contour, const Point& place);
+
+}  // namespace fontcore
