@@ -1,0 +1,63 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "fontcore/contour.h"
+
+namespace fontcore {
+
+/// A place on an outline: contour, segment, and the parameter in [0, 1) on it. A node is u = 0 of the segment it
+/// starts.
+struct Place {
+  int contour = 0;
+  int segment = 0;
+  double u = 0.0;
+};
+
+enum class Meeting : std::uint8_t {
+  Crossing,  ///< the two go through each other: proved by exact predicates
+  Contact,   ///< they touch, or come nearer than the check can tell apart, without a proved crossing
+  Overlap,   ///< they run along each other for a stretch; given by its leftmost end, the lowest if several
+};
+
+/// Two places of an outline that are one point, though they are not neighbours along it; `a` comes before `b`.
+struct Crossing {
+  Meeting meeting = Meeting::Crossing;
+  Point where = Point::Zero();  ///< the mean of the two places' points
+  Place a;
+  Place b;
+};
+
+struct CrossingOptions {
+  double contact_distance = 1e-4;  ///< pieces this small and undecided are in contact, font units
+};
+
+/// Every place where the contours meet themselves or each other.
+///
+/// Ends that neighbouring segments share are no finding; everything else is: loops within one cubic, crossings shorter
+/// than one unit, contacts, overlaps. Segments of no length are passed over. A finding at a node shared by several
+/// segments is listed once, as a crossing if the branches interleave round the node; a stretch of overlap is listed
+/// once, however many segments it runs over. Sorted by contours, then segments, then parameters.
+///
+/// Units   font units; `u` is good to 1e-6 of a segment of ordinary size.
+/// Exact   a pair reported as `Crossing` crosses and a pair not reported is apart: both by CGAL's exact predicates on
+///         the control points of the pieces, with a margin (1e-9 units up to coordinates of 10^4) for the rounding of
+///         their subdivision. What is neither apart nor crossing when cut down to
+///         `contact_distance` is a `Contact`, or an `Overlap` if it goes on for a thousand times that distance or for
+///         more pieces than the check will cut.
+///         Not seen: contacts (never crossings proved) between places less than two units apart along the contour, as
+///         at a cusp; loops smaller than `contact_distance`.
+/// Throws  InvalidInput if contact_distance is not positive.
+std::vector<Crossing> find_crossings(const std::vector<BezierContour>& contours, const CrossingOptions& options = {});
+
+/// True if the contour meets itself nowhere.
+bool is_simple(const BezierContour& contour);
+
+/// How many findings `after` has beyond those of `before`, counted for every pair of contours on its own, so that a
+/// crossing gone in one place does not pay for a new one in another.
+///
+/// Both lists come from outlines of the same contours.
+int added_crossings(const std::vector<Crossing>& before, const std::vector<Crossing>& after);
+
+}  // namespace fontcore
