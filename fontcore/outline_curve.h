@@ -1,0 +1,114 @@
+#pragma once
+
+#include <vector>
+
+#include "fontcore/contour.h"
+#include "fontcore/measure.h"
+
+namespace fontcore {
+
+/// How the spline of an outline is chosen.
+struct OutlineCurveOptions {
+  double tolerance = 0.25;         ///< two-sided distance allowed between outline and spline, font units
+  int fewest = 64;                 ///< control points at least: an edit needs levels
+  int most = 4096;                 ///< and at most
+  double corner_angle = 0.139626;  ///< between curves a sharper turn is a corner, radians (8 degrees)
+  double line_angle = 0.017453;    ///< and beside a line, radians (1 degree): its control points lie on the line
+};
+
+/// A contour and a uniform periodic quadratic B-spline over one parameter, within a measured distance of each other.
+///
+/// The N = D * 2^n control points x_i (D from 4 to 7) make pieces (x_{i-1} + x_i)/2, x_i, (x_i + x_{i+1})/2 over t in
+/// [i - 1/2, i + 1/2]. A corner is a pair of equal neighbouring control points. Corners, line ends, the font's own
+/// nodes and extrema lie on knots t = i + 1/2, and control points of straight runs on their line. Along an arc (corner
+/// to corner, or the whole contour) the arc length of outline(t) is itself a quadratic B-spline of the same knots and
+/// corners: its coefficients put the nodes on the knots and vary least between. So outline(t) has zero speed at corners
+/// and continuous speed at smooth joins, like the spline; the two differ by the small residual.
+///
+/// Units   font units; t in spans of the finest level, modulo N.
+/// Source  DESIGN decisions 1 and 2: a displacement D(t) edits the outline as outline(t) + D(t).
+class OutlineCurve {
+ public:
+  /// Throws  InvalidInput with the numbers if the contour has fewer than 3 points or no area or length, or if no spline
+  ///         of up to `most` control points is within the tolerance.
+  explicit OutlineCurve(const BezierContour& contour, const OutlineCurveOptions& options = {});
+
+  const BezierContour& contour() const { return contour_; }
+  const Points& control_points() const { return control_points_; }
+  int size() const { return static_cast<int>(control_points_.rows()); }
+  /// How often the number of control points can be halved down to D: the finest level.
+  int levels() const;
+  /// Measured two-sided distance between outline and spline, font units.
+  double distance() const { return distance_; }
+  double length() const { return length_; }
+
+  /// A node as the model sees it: where it lies on the parameter, and whether it is a corner.
+  struct Node {
+    double t = 0.0;
+    bool is_corner = false;
+    bool is_knot = false;  ///< t = i + 1/2 by construction
+  };
+  /// One for every segment: its start node.
+  const std::vector<Node>& nodes() const { return nodes_; }
+  /// Indices i of the corner pairs (x_i, x_{i+1}), sorted.
+  const std::vector<int>& corner_pairs() const { return corner_pairs_; }
+
+  /// Parameter t of the point at u of a segment, in [0, N).
+  double parameter(int segment, double u) const;
+  /// Segment and its u at parameter t.
+  struct Location {
+    int segment = 0;
+    double u = 0.0;
+  };
+  Location locate(double t) const;
+  Point outline_at(double t) const;
+  Point spline_at(double t) const;
+  /// Arc length of the outline from t0 forward to t1 > t0.
+  double arc_length(double t0, double t1) const;
+
+ private:
+  // A stretch from corner to corner, or the whole contour if it has none: control points first .. first + size - 1,
+  // over t in [first - 1/2, first + size - 1/2].
+  struct Arc {
+    int first = 0;
+    int size = 0;
+    double length = 0.0;
+    double start = 0.0;           // arc length from the first arc's start
+    std::vector<int> segments;    // with length, in order
+    std::vector<double> offsets;  // arc length within the arc where each of them starts
+  };
+  struct Span {
+    std::vector<int> segments;
+    double length = 0.0;
+    int pieces = 0;
+    bool is_line = false;
+  };
+
+  std::vector<std::vector<Span>> find_spans(const OutlineCurveOptions& options);
+  bool fit(std::vector<std::vector<Span>>& arcs, int size, double tolerance);
+  void place_nodes(const std::vector<std::vector<Span>>& arcs, const std::vector<std::vector<bool>>& knot_kept);
+  double coefficient(const Arc& arc, int k) const;
+  double arc_length_in(const Arc& arc, double t) const;
+  double parameter_in(const Arc& arc, double s) const;
+  Location locate_in(const Arc& arc, double s) const;
+  const Arc& arc_at(double t) const;
+  double measure_distance(double tolerance) const;
+
+  BezierContour contour_;
+  Points control_points_;
+  Eigen::VectorXd arc_length_coefficients_;
+  std::vector<Arc> arcs_;
+  bool has_corner_ = false;
+  std::vector<ArcLength> arc_length_;   // per segment
+  std::vector<int> segment_arc_;        // per segment
+  std::vector<double> segment_offset_;  // per segment: arc length within its arc where it starts
+  std::vector<Node> nodes_;
+  std::vector<int> corner_pairs_;
+  double distance_ = 0.0;
+  double length_ = 0.0;
+};
+
+/// Value of the uniform periodic quadratic B-spline with the given coefficients (n×k) at t.
+Eigen::RowVectorXd evaluate_spline(const Eigen::MatrixXd& coefficients, double t);
+
+}  // namespace fontcore
