@@ -1,0 +1,213 @@
+#include "fontcore/solve.h"
+
+#include <Eigen/SparseCholesky>
+#include <algorithm>
+#include <cmath>
+
+#include "fontcore/error.h"
+#include "fontcore/measure.h"
+
+namespace fontcore {
+
+namespace {
+
+constexpr double vanishing_coefficient = 1e-11;  // of the row's largest: what substitution leaves of a cancelled term
+constexpr double contradiction = 1e-9;           // font units: less is rounding
+constexpr double area_tolerance = 1e-13;         // relative
+
+void add_to(std::map<int, double>& sum, const std::map<int, double>& more, double factor) {
+  for (const auto& [key, value] : more) sum[key] += factor * value;
+}
+
+}  // namespace
+
+RowElimination::Outcome RowElimination::add(const Row& row) {
+  const int id = static_cast<int>(rows_.size());
+  Expression reduced;
+  reduced.constant = row.value;
+  reduced.multipliers[id] = 1.0;
+  double scale = 0.0;
+  for (const auto& [variable, coefficient] : row.terms) {
+    scale = std::max(scale, std::abs(coefficient));
+    const auto known = dependent_.find(variable);
+    if (known == dependent_.end()) {
+      reduced.terms[variable] += coefficient;
+      continue;
+    }
+    add_to(reduced.terms, known->second.terms, coefficient);
+    reduced.constant -= coefficient * known->second.constant;
+    add_to(reduced.multipliers, known->second.multipliers, -coefficient);
+  }
+  std::erase_if(reduced.terms,
+                [&](const auto& term) { return std::abs(term.second) <= vanishing_coefficient * scale; });
+
+  if (reduced.terms.empty()) {
+    if (std::abs(reduced.constant) <= contradiction) {
+      ++redundant_;
+      return Outcome::Redundant;
+    }
+    Conflict conflict{{row.name}, reduced.constant};
+    for (const auto& [other, multiplier] : reduced.multipliers) {
+      if (other == id || std::abs(multiplier) <= contradiction) continue;
+      const std::string& name = rows_[static_cast<std::size_t>(other)].name;
+      if (std::find(conflict.rules.begin(), conflict.rules.end(), name) == conflict.rules.end())
+        conflict.rules.push_back(name);
+    }
+    conflicts_.push_back(std::move(conflict));
+    return Outcome::Conflicting;
+  }
+
+  const auto pivot = std::max_element(reduced.terms.begin(), reduced.terms.end(), [](const auto& a, const auto& b) {
+    return std::abs(a.second) < std::abs(b.second) * (1.0 - 1e-9);
+  });
+  const int variable = pivot->first;
+  const double coefficient = pivot->second;
+  Expression solved;
+  for (const auto& [other, value] : reduced.terms) {
+    if (other != variable) solved.terms[other] = -value / coefficient;
+  }
+  solved.constant = reduced.constant / coefficient;
+  for (const auto& [other, value] : reduced.multipliers) solved.multipliers[other] = value / coefficient;
+
+  // What was expressed by the new dependent variable is expressed by the free ones instead.
+  for (const int user : users_[variable]) {
+    Expression& expression = dependent_.at(user);
+    const auto mention = expression.terms.find(variable);
+    if (mention == expression.terms.end()) continue;
+    const double factor = mention->second;
+    expression.terms.erase(mention);
+    add_to(expression.terms, solved.terms, factor);
+    expression.constant += factor * solved.constant;
+    add_to(expression.multipliers, solved.multipliers, factor);
+    for (const auto& term : solved.terms) users_[term.first].push_back(user);
+  }
+  users_.erase(variable);
+  for (const auto& term : solved.terms) users_[term.first].push_back(variable);
+  dependent_.emplace(variable, std::move(solved));
+  rows_.push_back(row);
+  return Outcome::Taken;
+}
+
+void RowElimination::add(const Rows& rows) {
+  for (const Row& row : rows) add(row);
+}
+
+RowElimination::Space RowElimination::space() const {
+  std::vector<Eigen::Triplet<double>> entries;
+  std::vector<int> column(static_cast<std::size_t>(variables_), -1);
+  int free = 0;
+  for (int v = 0; v < variables_; ++v) {
+    if (dependent_.contains(v)) continue;
+    entries.emplace_back(v, free, 1.0);
+    column[static_cast<std::size_t>(v)] = free++;
+  }
+  Space space{Eigen::SparseMatrix<double>(variables_, free), Eigen::VectorXd::Zero(variables_)};
+  for (const auto& [variable, expression] : dependent_) {
+    space.c[variable] = expression.constant;
+    for (const auto& [other, value] : expression.terms)
+      entries.emplace_back(variable, column[static_cast<std::size_t>(other)], value);
+  }
+  space.T.setFromTriplets(entries.begin(), entries.end());
+  return space;
+}
+
+double RowElimination::residual(const Eigen::VectorXd& displacement) const {
+  double worst = 0.0;
+  for (const Row& row : rows_) {
+    double sum = -row.value;
+    for (const auto& [variable, coefficient] : row.terms) sum += coefficient * displacement[variable];
+    worst = std::max(worst, std::abs(sum));
+  }
+  return worst;
+}
+
+struct LeastChange::Factored {
+  Factored(const RowElimination& rules, const Eigen::SparseMatrix<double>& objective)
+      : rows(rules), space(rules.space()), H(objective) {}
+
+  RowElimination rows;
+  RowElimination::Space space;
+  Eigen::SparseMatrix<double> H;
+  Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factor;
+
+  Eigen::VectorXd displacement(const Eigen::VectorXd& q) const {
+    Eigen::VectorXd d = space.c;
+    if (q.size() > 0) d += space.T * q;
+    return d;
+  }
+};
+
+LeastChange::LeastChange(const Eigen::SparseMatrix<double>& H, const RowElimination& rows)
+    : factored_(std::make_unique<Factored>(rows, H)) {
+  const auto& T = factored_->space.T;
+  if (T.cols() == 0) return;
+  const Eigen::SparseMatrix<double> K = T.transpose() * H * T;
+  factored_->factor.compute(K);
+  if (factored_->factor.info() != Eigen::Success) {
+    throw UnsatisfiableConstraints(text("LeastChange: the system of ", K.rows(), " unknowns is singular"));
+  }
+}
+
+LeastChange::~LeastChange() = default;
+LeastChange::LeastChange(LeastChange&&) noexcept = default;
+LeastChange& LeastChange::operator=(LeastChange&&) noexcept = default;
+
+LeastChange::Solution LeastChange::solve(const Eigen::VectorXd& f) const {
+  const Factored& system = *factored_;
+  Eigen::VectorXd q(system.space.T.cols());
+  if (q.size() > 0) q = system.factor.solve(system.space.T.transpose() * (f - system.H * system.space.c));
+  Solution solution{system.displacement(q), {}};
+  solution.report.free = static_cast<int>(q.size());
+  solution.report.row_residual = system.rows.residual(solution.displacement);
+  return solution;
+}
+
+LeastChange::Solution LeastChange::solve(const Eigen::VectorXd& f, const BezierContour& contour, double area) const {
+  const Factored& system = *factored_;
+  Solution solution = solve(f);
+  const double size = std::max(std::abs(area), std::abs(signed_area(contour)));
+  const auto missing = [&](const Eigen::VectorXd& d) { return area - signed_area(displaced(contour, d)); };
+  double error = missing(solution.displacement);
+  for (; std::abs(error) > area_tolerance * size && solution.report.passes < 8; ++solution.report.passes) {
+    if (solution.report.free == 0) {
+      solution.report.failed = "the rules leave nothing free to keep the area with";
+      break;
+    }
+    const Points gradient = area_gradient(displaced(contour, solution.displacement));
+    Eigen::VectorXd g(2 * gradient.rows());
+    for (Eigen::Index i = 0; i < gradient.rows(); ++i) g.segment<2>(2 * i) = gradient.row(i).transpose();
+    const Eigen::VectorXd Tg = system.space.T.transpose() * g;
+    const Eigen::VectorXd v = system.factor.solve(Tg);
+    const double slope = Tg.dot(v);
+    if (!(slope > 1e-14 * size)) {
+      solution.report.failed = "what the rules leave free does not change the area";
+      break;
+    }
+    // Along v the area is exactly quadratic: error = slope t + bend t^2.
+    const Eigen::VectorXd step = system.space.T * v;
+    const double bend = error - missing(solution.displacement + step) - slope;
+    const double discriminant = slope * slope + 4.0 * bend * error;
+    if (discriminant < 0.0) {
+      solution.report.failed = "the area is out of reach";
+      break;
+    }
+    solution.displacement += 2.0 * error / (slope + std::sqrt(discriminant)) * step;
+    const double before = std::abs(error);
+    error = missing(solution.displacement);
+    if (solution.report.passes > 0 && std::abs(error) >= before) {  // rounding has the last word
+      ++solution.report.passes;
+      break;
+    }
+  }
+  solution.report.area_error = error / size;
+  solution.report.row_residual = system.rows.residual(solution.displacement);
+  return solution;
+}
+
+BezierContour displaced(const BezierContour& contour, const Eigen::VectorXd& displacement) {
+  Points points = contour.points();
+  for (Eigen::Index i = 0; i < points.rows(); ++i) points.row(i) += displacement.segment<2>(2 * i).transpose();
+  return contour.with_points(std::move(points));
+}
+
+}  // namespace fontcore

@@ -1,0 +1,105 @@
+#pragma once
+
+#include <Eigen/SparseCore>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "fontcore/constraint.h"
+#include "fontcore/contour.h"
+
+namespace fontcore {
+
+/// Rows that cannot hold together: their names, and by how much they disagree.
+struct Conflict {
+  std::vector<std::string> rules;
+  double disagreement = 0.0;  ///< font units
+};
+
+/// Linear rows taken one after the other and solved away: displacement = T q + c with q free.
+///
+/// Every displacement of that form obeys every row taken. A row that follows from those before is redundant and
+/// vanishes; one that contradicts them is not taken, and is reported with the rows it contradicts, found by their
+/// multipliers.
+///
+/// Source  DESIGN decision 5: substitution with the largest pivot.
+class RowElimination {
+ public:
+  explicit RowElimination(int variables) : variables_(variables) {}
+
+  enum class Outcome { Taken, Redundant, Conflicting };
+  Outcome add(const Row& row);
+  void add(const Rows& rows);
+
+  int variables() const { return variables_; }
+  const std::vector<Conflict>& conflicts() const { return conflicts_; }
+  int redundant() const { return redundant_; }
+
+  /// T (variables × free) and c.
+  struct Space {
+    Eigen::SparseMatrix<double> T;
+    Eigen::VectorXd c;
+  };
+  Space space() const;
+
+  /// Largest residual of the rows taken, from the rows as they were given.
+  double residual(const Eigen::VectorXd& displacement) const;
+
+ private:
+  // variable = sum of coefficient * free variable + constant; and the rows, with multipliers, that say so.
+  struct Expression {
+    std::map<int, double> terms;
+    double constant = 0.0;
+    std::map<int, double> multipliers;
+  };
+
+  int variables_ = 0;
+  int redundant_ = 0;
+  std::vector<Row> rows_;
+  std::map<int, Expression> dependent_;
+  std::map<int, std::vector<int>> users_;  // free variable -> dependent variables that may mention it
+  std::vector<Conflict> conflicts_;
+};
+
+/// What a solve came to.
+struct SolveReport {
+  int passes = 0;             ///< of the area's root: one meets it, another cleans rounding
+  double area_error = 0.0;    ///< relative to the contour's area
+  double row_residual = 0.0;  ///< largest, font units
+  int free = 0;               ///< unknowns that the rules leave
+  std::string failed;         ///< why the area could not be met; empty if it was or was not asked
+};
+
+/// The least change under rows: min 1/2 d'Hd - f'd over d = T q + c; with an area to meet, exactly, along K^-1 T' grad
+/// A.
+///
+/// Factored once; every solve is back substitution and a few sweeps over the contour. Rows hold to rounding, the area
+/// to 1e-12 relative; the change is least but for the area's correction, which follows one direction.
+///
+/// Source  [HBS05] eq. 20 with rows eliminated and the area's quadratic solved in closed form.
+class LeastChange {
+ public:
+  /// Shape   H 2n×2n, symmetric positive definite on what the rows leave.
+  LeastChange(const Eigen::SparseMatrix<double>& H, const RowElimination& rows);
+  ~LeastChange();
+  LeastChange(LeastChange&&) noexcept;
+  LeastChange& operator=(LeastChange&&) noexcept;
+
+  struct Solution {
+    Eigen::VectorXd displacement;
+    SolveReport report;
+  };
+  Solution solve(const Eigen::VectorXd& f) const;
+  /// `contour` is what the displacement is of, `area` the signed area it is to have afterwards.
+  Solution solve(const Eigen::VectorXd& f, const BezierContour& contour, double area) const;
+
+ private:
+  struct Factored;
+  std::unique_ptr<Factored> factored_;
+};
+
+/// The contour with its points displaced; points whose displacement is 0 keep their bits.
+BezierContour displaced(const BezierContour& contour, const Eigen::VectorXd& displacement);
+
+}  // namespace fontcore
