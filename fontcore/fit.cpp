@@ -1,0 +1,648 @@
+#include "fontcore/fit.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numeric>
+#include <set>
+
+#include "fontcore/error.h"
+#include "fontcore/measure.h"
+
+namespace fontcore {
+
+namespace {
+
+constexpr int samples_per_segment = 9;
+constexpr double stiffness = 0.4;  // of the breadth: length over which a displacement's slope weighs as much as itself
+constexpr double shortest_stretch = 1e-3;  // of a segment: what a sample's stretch is at least taken for, at cusps
+constexpr double ridge = 1e-7;             // of the mean diagonal: keeps points without samples at rest
+constexpr double smooth_angle = 0.026180;  // 1.5 degrees: a join turning less is smooth and must stay so
+constexpr double most_throw = 2.0;         // a handle that throws a point further than this many moves is not forced
+constexpr double gentle_throw = 1.25;      // and one that throws none further than this needs no more room
+constexpr double landed = 1e-9;            // font units
+
+// The wish at samples of every released segment, as least squares on its control points: the displacement and its slope
+// along the outline. Without the slope a short segment weighs little and is folded over when the area is given back.
+struct WishSystem {
+  Eigen::SparseMatrix<double> H;  // 2n×2n
+  Eigen::VectorXd f;
+  struct Sample {
+    int segment;
+    std::array<double, 4> weight;
+    Point wish;
+  };
+  std::vector<Sample> samples;
+};
+
+WishSystem wish_system(const OutlineCurve& curve, const StructureEdit& edit, const std::vector<bool>& released) {
+  const BezierContour& contour = curve.contour();
+  const auto n = contour.point_count();
+  WishSystem system{Eigen::SparseMatrix<double>(2 * n, 2 * n), Eigen::VectorXd::Zero(2 * n), {}};
+  std::vector<Eigen::Triplet<double>> entries;
+  double trace = 0.0;
+  const auto ask = [&](int s, const std::array<double, 4>& weight, double importance, const Point& wish) {
+    for (int a = 0; a <= contour.degree(s); ++a) {
+      const int p = contour.point_of(s, a);
+      const double wa = importance * weight[static_cast<std::size_t>(a)];
+      system.f.segment<2>(2 * p) += wa * wish;
+      for (int b = 0; b <= contour.degree(s); ++b) {
+        const int q = contour.point_of(s, b);
+        const double entry = wa * weight[static_cast<std::size_t>(b)];
+        entries.emplace_back(2 * p, 2 * q, entry);
+        entries.emplace_back(2 * p + 1, 2 * q + 1, entry);
+        if (p == q) trace += 2.0 * entry;
+      }
+    }
+  };
+  const double stiff = stiffness * edit.breadth;
+  for (int s = 0; s < contour.segment_count(); ++s) {
+    const ArcLength arc(contour.segment(s));
+    if (!released[static_cast<std::size_t>(s)] || arc.length() == 0.0) continue;
+    const auto wish_at = [&](double u) -> Point {
+      return evaluate_spline(edit.field, curve.parameter(s, u)).transpose();
+    };
+    Point before = wish_at(0.0);
+    for (int k = 0; k < samples_per_segment; ++k) {
+      const double u0 = static_cast<double>(k) / samples_per_segment;
+      const double u1 = static_cast<double>(k + 1) / samples_per_segment;
+      const double u = 0.5 * (u0 + u1);
+      const auto weight = bernstein(contour.degree(s), u);
+      const Point wish = wish_at(u);
+      ask(s, weight, arc.length() / samples_per_segment, wish);
+      system.samples.push_back({s, weight, wish});
+      // The change of the displacement over the sample's stretch, as the wish has it.
+      const auto from = bernstein(contour.degree(s), u0);
+      auto change = bernstein(contour.degree(s), u1);
+      for (std::size_t a = 0; a < change.size(); ++a) change[a] -= from[a];
+      const Point after = wish_at(u1);
+      const double stretch = std::max(arc.at(u1) - arc.at(u0), shortest_stretch * arc.length());
+      ask(s, change, stiff * stiff / stretch, after - before);
+      before = after;
+    }
+  }
+  const double small = ridge * (trace > 0.0 ? trace / static_cast<double>(2 * n) : 1.0);
+  for (int v = 0; v < 2 * n; ++v) entries.emplace_back(v, v, small);
+  system.H.setFromTriplets(entries.begin(), entries.end());
+  return system;
+}
+
+// Segments nearer along the outline to the handle than `reach`; for a breadth of at most a quarter of the contour, the
+// nearest of them, no more than half of all.
+std::vector<bool> released_segments(const OutlineCurve& curve, const StructureEdit& edit, double reach) {
+  const BezierContour& contour = curve.contour();
+  const int n = contour.segment_count();
+  std::vector<bool> released(static_cast<std::size_t>(n), true);
+  if (!edit.handle) return released;
+  const double L = curve.length();
+  std::vector<double> start(static_cast<std::size_t>(n) + 1, 0.0);
+  for (int s = 0; s < n; ++s) {
+    start[static_cast<std::size_t>(s) + 1] = start[static_cast<std::size_t>(s)] + length(contour.segment(s));
+  }
+  const auto h = static_cast<std::size_t>(edit.handle->segment);
+  const double handle = start[h] + ArcLength(contour.segment(edit.handle->segment)).at(edit.handle->u);
+  // A line goes as a whole: if the handle is on one, its ends are as near as the handle itself.
+  const bool on_line = contour.degree(edit.handle->segment) == 1;
+  const double first = on_line ? start[h] : handle;
+  const double last = on_line ? start[h + 1] : handle;
+  const auto around = [&](double s) {
+    if (s >= first && s <= last) return 0.0;
+    const double d = s < first ? std::min(first - s, s + L - last) : std::min(s - last, first + L - s);
+    return std::max(d, 0.0);
+  };
+  std::vector<double> distance(static_cast<std::size_t>(n));
+  std::vector<int> order(static_cast<std::size_t>(n));
+  std::iota(order.begin(), order.end(), 0);
+  for (std::size_t s = 0; s < distance.size(); ++s) {
+    distance[s] = s == h ? 0.0 : std::min(around(start[s]), around(start[s + 1]));
+  }
+  std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
+    return distance[static_cast<std::size_t>(a)] < distance[static_cast<std::size_t>(b)];
+  });
+  const int most = edit.breadth <= 0.25 * L ? n / 2 : n;
+  for (int k = 0; k < n; ++k) {
+    const auto s = static_cast<std::size_t>(order[static_cast<std::size_t>(k)]);
+    released[s] = k < most && distance[s] < reach;
+  }
+  return released;
+}
+
+RowElimination eliminate(const BezierContour& contour, const std::vector<bool>& released, const OutlineRules& rules) {
+  RowElimination rows(static_cast<int>(2 * contour.point_count()));
+  std::vector<bool> free(static_cast<std::size_t>(contour.point_count()), true);
+  for (int s = 0; s < contour.segment_count(); ++s) {
+    if (released[static_cast<std::size_t>(s)]) continue;
+    for (int k = 0; k <= contour.degree(s); ++k) free[static_cast<std::size_t>(contour.point_of(s, k))] = false;
+  }
+  for (int p = 0; p < contour.point_count(); ++p) {
+    if (!free[static_cast<std::size_t>(p)]) rows.add(fontcore::rows(contour, FrozenPoint{p}));
+  }
+  rows.add(outline_rows(contour, rules));
+  return rows;
+}
+
+Point move_of(const BezierContour& before, const BezierContour& after, const OutlineCurve::Location& at) {
+  return evaluate(after.segment(at.segment), at.u) - evaluate(before.segment(at.segment), at.u);
+}
+
+double largest(const Eigen::VectorXd& displacement) {
+  double worst = 0.0;
+  for (Eigen::Index i = 0; i < displacement.size(); i += 2) worst = std::max(worst, displacement.segment<2>(i).norm());
+  return worst;
+}
+
+void add_names(std::vector<std::string>& names, const std::vector<std::string>& more) {
+  for (const std::string& name : more) {
+    if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
+  }
+}
+
+// Solves with the handle as rows; where that cannot be, without, and says what stood against it.
+struct HandledSolution {
+  LeastChange::Solution solution;
+  std::vector<std::string> against;
+};
+
+HandledSolution solve_with_handle(const OutlineCurve& curve, const StructureEdit& edit, const WishSystem& system,
+                                  const RowElimination& rules) {
+  const BezierContour& contour = curve.contour();
+  const auto solve = [&](const RowElimination& rows) {
+    const LeastChange least(system.H, rows);
+    return edit.area ? least.solve(system.f, contour, *edit.area) : least.solve(system.f);
+  };
+  HandledSolution result;
+  if (!edit.handle) {
+    result.solution = solve(rules);
+    return result;
+  }
+  // x and y are wishes of their own: a rule may stand against one and leave the other.
+  const Rows wishes = rows(contour, Position{edit.handle->segment, edit.handle->u, edit.move});
+  RowElimination with_handle = rules;
+  with_handle.add(wishes);
+  for (std::size_t k = rules.conflicts().size(); k < with_handle.conflicts().size(); ++k) {
+    const auto& names = with_handle.conflicts()[k].rules;
+    add_names(result.against, {names.begin() + 1, names.end()});
+  }
+  result.solution = solve(with_handle);
+  const double reach = largest(result.solution.displacement);
+  if (result.solution.report.failed.empty() && reach <= most_throw * edit.move.norm()) return result;
+  // The area, or rules that leave the handle only a long lever.
+  const std::string reason =
+      !result.solution.report.failed.empty()
+          ? "area: " + result.solution.report.failed
+          : text("rules and area: forcing the handle would throw a point by ", std::round(reach), " units");
+  add_names(result.against, {reason});
+  result.solution = solve(rules);
+  return result;
+}
+
+// The edit with the points within one reach of the handle free.
+struct Reached {
+  HandledSolution handled;
+  WishSystem system;
+  BezierContour contour;
+};
+
+Reached solve_within(const OutlineCurve& curve, const StructureEdit& edit, const std::vector<bool>& released) {
+  const BezierContour& contour = curve.contour();
+  const std::vector<double> before = turning_angles(contour);
+  Reached result{{}, wish_system(curve, edit, released), {}};
+  OutlineRules rules = edit.rules;
+  for (int round = 0; round < 3; ++round) {
+    HandledSolution next = solve_with_handle(curve, edit, result.system, eliminate(contour, released, rules));
+    if (round > 0 && (!next.solution.report.failed.empty() || next.against.size() > result.handled.against.size()))
+      break;
+    result.handled = std::move(next);
+    result.contour = displaced(contour, result.handled.solution.displacement);
+    // Nearly smooth joins that the edit opens are closed, unless that contradicts another rule.
+    const std::vector<double> after = turning_angles(result.contour);
+    bool opened = false;
+    for (int s = 0; s < contour.segment_count(); ++s) {
+      const auto k = static_cast<std::size_t>(s);
+      const bool known = std::find(rules.closed_joins.begin(), rules.closed_joins.end(), s) != rules.closed_joins.end();
+      if (known || std::abs(before[k]) > smooth_angle || std::abs(after[k]) <= smooth_angle) continue;
+      if (contour.degree(s) == 1 && contour.degree(contour.previous(s)) == 1) continue;
+      rules.closed_joins.push_back(s);
+      opened = true;
+    }
+    if (!opened || !rules.smooth_joins) break;
+  }
+  return result;
+}
+
+}  // namespace
+
+StructureFit refit_structure(const OutlineCurve& curve, const StructureEdit& edit) {
+  const BezierContour& contour = curve.contour();
+  if (edit.field.rows() != curve.size()) {
+    throw InvalidInput(
+        text("refit_structure: a field of ", edit.field.rows(), " for ", curve.size(), " control points"));
+  }
+  // As few points as will do: the area is given back near the handle if that is gentle, further off if it is not.
+  std::optional<Reached> best;
+  std::pair<double, double> best_cost;
+  std::vector<bool> tried;
+  for (const double reach : {1.0, 1.5, 2.0}) {
+    std::vector<bool> released = released_segments(curve, edit, reach * edit.breadth);
+    if (released == tried) continue;
+    Reached next = solve_within(curve, edit, released);
+    tried = std::move(released);
+    const double missed = edit.handle ? (move_of(contour, next.contour, *edit.handle) - edit.move).norm() : 0.0;
+    const double thrown = largest(next.handled.solution.displacement);
+    const std::pair cost{missed > landed ? missed : 0.0, thrown};
+    if (!best || cost < best_cost) {
+      best = std::move(next);
+      best_cost = cost;
+    }
+    if (best->handled.solution.report.failed.empty() && best_cost.first == 0.0 &&
+        best_cost.second <= gentle_throw * edit.move.norm())
+      break;
+  }
+  const HandledSolution& handled = best->handled;
+  const WishSystem& system = best->system;
+
+  StructureFit fit{best->contour, handled.solution.report, Point::Zero(), {}, 0.0, 0};
+  if (edit.handle) {
+    fit.got = move_of(contour, fit.contour, *edit.handle);
+    if ((fit.got - edit.move).norm() > landed) fit.against = handled.against;
+    if ((fit.got - edit.move).norm() > landed && fit.against.empty()) fit.against = {"rounding of the solve"};
+  }
+  for (const auto& [segment, weight, wish] : system.samples) {
+    Point d = Point::Zero();
+    for (int k = 0; k <= contour.degree(segment); ++k) {
+      d += weight[static_cast<std::size_t>(k)] *
+           handled.solution.displacement.segment<2>(2 * contour.point_of(segment, k));
+    }
+    fit.off_wish = std::max(fit.off_wish, (d - wish).norm());
+  }
+  for (int s = 0; s < contour.segment_count(); ++s) {
+    bool kept = true;
+    for (int k = 0; k <= contour.degree(s); ++k)
+      kept = kept && fit.contour.point(contour.point_of(s, k)) == contour.point(contour.point_of(s, k));
+    fit.segments_kept += kept ? 1 : 0;
+  }
+  return fit;
+}
+
+namespace {
+
+constexpr double good_area = 1e-6;    // relative: nearer than this nothing is searched further
+constexpr int most_combined = 15;     // unknowns up to which every combination of floor and ceiling is looked at
+constexpr int most_for_triples = 40;  // unknowns up to which three are changed at a time
+constexpr int tried_exactly = 60;     // candidates whose area is computed, not estimated
+constexpr double enough_area = 4e-4;  // relative: an outline of few unknowns further off than this is searched far for
+constexpr int far = 12;               // steps that such a search takes an unknown to either side
+constexpr std::size_t most_for_far = 24;  // unknowns it is made for; with more the near one has not failed yet
+constexpr double handle_slack = 1.0;      // font units
+
+// Whole-number search over the coordinates of a moved outline, those that rules tie being one unknown.
+class WholeNumbers {
+ public:
+  WholeNumbers(const BezierContour& edited, const BezierContour& original, const OutlineRules& rules,
+               const RoundingGoal& goal)
+      : edited_(edited), original_(original), goal_(goal) {
+    const int n = static_cast<int>(edited.point_count());
+    std::vector<int> parent(static_cast<std::size_t>(2 * n));
+    std::iota(parent.begin(), parent.end(), 0);
+    const auto root = [&](int v) {
+      while (parent[static_cast<std::size_t>(v)] != v) v = parent[static_cast<std::size_t>(v)];
+      return v;
+    };
+    std::vector<bool> held(static_cast<std::size_t>(2 * n), false);
+    for (const Row& row : outline_rows(edited, rules)) {
+      if (row.terms.size() == 1) held[static_cast<std::size_t>(row.terms[0].variable)] = true;
+      if (row.terms.size() == 2 && row.value == 0.0)
+        parent[static_cast<std::size_t>(root(row.terms[0].variable))] = root(row.terms[1].variable);
+    }
+    unknown_.assign(static_cast<std::size_t>(2 * n), -1);
+    std::map<int, int> ids;
+    for (int p = 0; p < n; ++p) {
+      const bool moved = edited.point(p) != original.point(p);
+      for (int axis = 0; axis < 2; ++axis) {
+        const auto v = static_cast<std::size_t>(2 * p + axis);
+        if (edited.kind(p) == PointKind::ImpliedNode) continue;
+        const auto [id, fresh] = ids.try_emplace(root(2 * p + axis), static_cast<int>(exact_.size()));
+        if (fresh) {
+          exact_.push_back(edited.points()(p, axis));
+          locked_.push_back(false);
+        }
+        unknown_[v] = id->second;
+        const auto k = static_cast<std::size_t>(id->second);
+        if (!moved || held[v]) locked_[k] = true;
+      }
+    }
+    for (std::size_t k = 0; k < exact_.size(); ++k)
+      value_.push_back(locked_[k] ? exact_[k] : std::floor(exact_[k] + 0.5));
+    const std::vector<double> turns = turning_angles(original);
+    for (int s = 0; s < original.segment_count(); ++s) {
+      const int p = original.node(s);
+      if (original.kind(p) == PointKind::ImpliedNode || std::abs(turns[static_cast<std::size_t>(s)]) > smooth_angle)
+        continue;
+      if (original.degree(s) == 1 && original.degree(original.previous(s)) == 1) continue;
+      joins_.push_back(s);
+    }
+    joins_of_.resize(exact_.size());
+    for (std::size_t j = 0; j < joins_.size(); ++j) {
+      for (const std::size_t k : unknowns_of(joins_[j])) joins_of_[k].push_back(j);
+    }
+  }
+
+  Rounding search() {
+    Rounding result;
+    const std::vector<double> plain = value_;
+    result.plain_area_error = error(plain);
+    mend_joins();
+    opened_ = opened(value_, all_joins());
+    const double good = good_area * goal_.scale;
+    combine();
+    for (int reach = 0; reach <= 1 && std::abs(error(value_)) > good; ++reach) improve(reach);
+    if (std::abs(error(value_)) > enough_area * goal_.scale) search_far();
+    if (std::abs(error(value_)) > std::max(std::abs(result.plain_area_error), good)) value_ = plain;
+    result.contour = contour(value_);
+    result.area_error = error(value_);
+    result.opened_joins = static_cast<int>(opened(value_, all_joins()).size());
+    if (goal_.handle) result.handle_error = handle_error(value_);
+    return result;
+  }
+
+ private:
+  struct Change {
+    std::size_t unknown;
+    double step;
+  };
+  using Changes = std::vector<Change>;
+
+  BezierContour contour(const std::vector<double>& value) const {
+    Points points = edited_.points();
+    for (int p = 0; p < points.rows(); ++p) {
+      for (int axis = 0; axis < 2; ++axis) {
+        const int k = unknown_[static_cast<std::size_t>(2 * p + axis)];
+        if (k >= 0) points(p, axis) = value[static_cast<std::size_t>(k)];
+      }
+    }
+    const auto n = points.rows();
+    for (Eigen::Index p = 0; p < n; ++p) {
+      if (edited_.kind(static_cast<int>(p)) == PointKind::ImpliedNode)
+        points.row(p) = 0.5 * (points.row((p + n - 1) % n) + points.row((p + 1) % n));
+    }
+    return edited_.with_points(std::move(points));
+  }
+  double error(const std::vector<double>& value) const { return signed_area(contour(value)) - goal_.area; }
+
+  std::vector<std::size_t> unknowns_of(int join) const {
+    std::set<std::size_t> found;
+    const int before = edited_.previous(join);
+    for (const int p :
+         {edited_.point_of(before, edited_.degree(before) - 1), edited_.node(join), edited_.point_of(join, 1)}) {
+      for (int axis = 0; axis < 2; ++axis) {
+        const int k = unknown_[static_cast<std::size_t>(2 * p + axis)];
+        if (k >= 0) found.insert(static_cast<std::size_t>(k));
+      }
+    }
+    return {found.begin(), found.end()};
+  }
+  std::vector<std::size_t> all_joins() const {
+    std::vector<std::size_t> all(joins_.size());
+    std::iota(all.begin(), all.end(), std::size_t{0});
+    return all;
+  }
+  std::set<std::size_t> opened(const std::vector<double>& value, const std::vector<std::size_t>& which) const {
+    std::set<std::size_t> result;
+    const BezierContour here = contour(value);
+    for (const std::size_t j : which) {
+      const Point a = end_tangent(here.segment(here.previous(joins_[j])));
+      const Point b = start_tangent(here.segment(joins_[j]));
+      if (std::abs(std::atan2(a.x() * b.y() - a.y() * b.x(), a.dot(b))) > smooth_angle) result.insert(j);
+    }
+    return result;
+  }
+
+  // Every smooth join that rounding opened takes the best of the neighbours of its own points.
+  void mend_joins() {
+    for (int sweep = 0; sweep < 4; ++sweep) {
+      const std::set<std::size_t> bad = opened(value_, all_joins());
+      if (bad.empty()) return;
+      for (const std::size_t j : bad) {
+        std::vector<std::size_t> own;
+        std::set<std::size_t> touched;
+        for (const std::size_t k : unknowns_of(joins_[j])) {
+          if (!locked_[k]) own.push_back(k);
+        }
+        for (const std::size_t k : own) touched.insert(joins_of_[k].begin(), joins_of_[k].end());
+        const std::vector<std::size_t> affected(touched.begin(), touched.end());
+        std::vector<double> best = value_;
+        std::pair<std::size_t, double> best_cost{opened(value_, affected).size(), 0.0};
+        for (unsigned mask = 0; mask < 1U << own.size(); ++mask) {
+          std::vector<double> tried = value_;
+          double moved = 0.0;
+          for (std::size_t b = 0; b < own.size(); ++b) {
+            const double x = exact_[own[b]];
+            tried[own[b]] = (mask >> b & 1U) != 0U ? std::ceil(x) : std::floor(x);
+            moved += std::abs(tried[own[b]] - x);
+          }
+          const std::pair<std::size_t, double> cost{opened(tried, affected).size(), moved};
+          if (cost.first < best_cost.first ||
+              (cost.first == best_cost.first && best_cost.second > 0.0 && cost < best_cost)) {
+            best = tried;
+            best_cost = cost;
+          }
+        }
+        value_ = best;
+      }
+    }
+  }
+
+  bool opens_none(const std::vector<double>& value, const Changes& changes) const {
+    std::set<std::size_t> touched;
+    for (const Change& change : changes)
+      touched.insert(joins_of_[change.unknown].begin(), joins_of_[change.unknown].end());
+    const auto now = opened(value, {touched.begin(), touched.end()});
+    return std::includes(opened_.begin(), opened_.end(), now.begin(), now.end());
+  }
+  bool is_allowed(const std::vector<double>& value, const Changes& changes) const {
+    if (!opens_none(value, changes)) return false;
+    return !goal_.handle || handle_error(value) <= std::max(handle_slack, handle_error(value_));
+  }
+  double handle_error(const std::vector<double>& value) const {
+    const Point wished = evaluate(edited_.segment(goal_.handle->segment), goal_.handle->u);
+    return (evaluate(contour(value).segment(goal_.handle->segment), goal_.handle->u) - wished).norm();
+  }
+  std::vector<double> changed(const Changes& changes) const {
+    std::vector<double> value = value_;
+    for (const Change& change : changes) value[change.unknown] += change.step;
+    return value;
+  }
+  bool is_between(std::size_t k) const { return !locked_[k] && std::floor(exact_[k]) != std::ceil(exact_[k]); }
+  double other_side(std::size_t k) const { return value_[k] > exact_[k] ? -1.0 : 1.0; }
+
+  // Few unknowns: every combination of floor and ceiling, ranked by the area as a quadratic form of the changes.
+  void combine() {
+    std::vector<std::size_t> own;
+    for (std::size_t k = 0; k < exact_.size(); ++k) {
+      if (is_between(k)) own.push_back(k);
+    }
+    const std::size_t m = own.size();
+    if (m == 0 || m > most_combined) return;
+    const double start = error(value_);
+    Eigen::MatrixXd form = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(m), static_cast<Eigen::Index>(m));
+    const auto at = [&](std::size_t a, std::size_t b) -> double& {
+      return form(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(b));
+    };
+    for (std::size_t a = 0; a < m; ++a) at(a, a) = error(changed({{own[a], other_side(own[a])}})) - start;
+    for (std::size_t a = 0; a < m; ++a) {
+      for (std::size_t b = a + 1; b < m; ++b) {
+        at(a, b) =
+            error(changed({{own[a], other_side(own[a])}, {own[b], other_side(own[b])}})) - start - at(a, a) - at(b, b);
+      }
+    }
+    std::vector<std::pair<double, unsigned>> ranked;
+    for (unsigned mask = 0; mask < 1U << m; ++mask) {
+      double sum = start;
+      for (std::size_t a = 0; a < m; ++a) {
+        if ((mask >> a & 1U) == 0U) continue;
+        for (std::size_t b = a; b < m; ++b) {
+          if ((mask >> b & 1U) != 0U) sum += at(a, b);
+        }
+      }
+      ranked.emplace_back(std::round(std::abs(sum) * 1e6), mask);
+    }
+    const std::size_t most = std::min<std::size_t>(ranked.size(), 4000);
+    std::partial_sort(ranked.begin(), ranked.begin() + static_cast<std::ptrdiff_t>(most), ranked.end());
+    for (std::size_t r = 0; r < most; ++r) {
+      Changes changes;
+      for (std::size_t a = 0; a < m; ++a) {
+        if ((ranked[r].second >> a & 1U) != 0U) changes.push_back({own[a], other_side(own[a])});
+      }
+      const std::vector<double> tried = changed(changes);
+      if (std::abs(error(tried)) > std::abs(start)) return;
+      if (!is_allowed(tried, changes)) continue;
+      value_ = tried;
+      return;
+    }
+  }
+
+  // The best one, two or three changes that open no join, again and again. With reach 1 an unknown may go one further
+  // than its floor and ceiling.
+  void improve(int reach) {
+    for (int round = 0; round < 6; ++round) {
+      const double start = error(value_);
+      if (std::abs(start) <= good_area * goal_.scale) return;
+      std::vector<std::pair<Change, double>> single;  // and what it adds to the area
+      for (std::size_t k = 0; k < exact_.size(); ++k) {
+        if (locked_[k]) continue;
+        const bool whole = std::floor(exact_[k]) == std::ceil(exact_[k]);
+        for (const double step : {-2.0, -1.0, 1.0, 2.0}) {
+          const double distance = std::abs(value_[k] + step - exact_[k]);
+          if (reach == 0 ? whole || distance >= 1.0 : distance >= 2.0) continue;
+          const Changes change{{k, step}};
+          const std::vector<double> tried = changed(change);
+          if (is_allowed(tried, change)) single.push_back({change[0], error(tried) - start});
+        }
+      }
+      std::vector<std::pair<double, Changes>> options;
+      const auto offer = [&](double sum, Changes changes) {
+        options.emplace_back(std::abs(start + sum), std::move(changes));
+      };
+      const std::size_t m = single.size();
+      for (std::size_t a = 0; a < m; ++a) {
+        offer(single[a].second, {single[a].first});
+        for (std::size_t b = a + 1; b < m; ++b) {
+          if (single[a].first.unknown == single[b].first.unknown) continue;
+          const double two = single[a].second + single[b].second;
+          offer(two, {single[a].first, single[b].first});
+          if (m > most_for_triples) continue;
+          for (std::size_t c = b + 1; c < m; ++c) {
+            if (single[c].first.unknown == single[a].first.unknown ||
+                single[c].first.unknown == single[b].first.unknown)
+              continue;
+            offer(two + single[c].second, {single[a].first, single[b].first, single[c].first});
+          }
+        }
+      }
+      const std::size_t most = std::min<std::size_t>(options.size(), tried_exactly);
+      std::partial_sort(options.begin(), options.begin() + static_cast<std::ptrdiff_t>(most), options.end(),
+                        [](const auto& a, const auto& b) { return a.first < b.first; });
+      std::vector<double> best = value_;
+      double best_error = std::abs(start);
+      for (std::size_t r = 0; r < most; ++r) {
+        const std::vector<double> tried = changed(options[r].second);
+        const double here = std::abs(error(tried));
+        if (here < best_error && is_allowed(tried, options[r].second)) {
+          best = tried;
+          best_error = here;
+        }
+      }
+      if (best == value_) return;
+      value_ = best;
+    }
+  }
+
+  // Outlines of few unknowns (stems, dots) may have no near whole numbers of their area: the nearest pair of further
+  // steps that has it, with the handle in place if that can be.
+  void search_far() {
+    std::vector<std::size_t> own;
+    for (std::size_t k = 0; k < exact_.size(); ++k) {
+      if (!locked_[k]) own.push_back(k);
+    }
+    if (own.size() < 2 || own.size() > most_for_far) return;
+    const double start = error(value_);
+    struct Bend {
+      double slope, bend;  // error(step) = start + slope * step + bend * step^2, exactly
+    };
+    std::vector<Bend> along;
+    for (const std::size_t k : own) {
+      const double up = error(changed({{k, 1.0}})) - start;
+      const double down = error(changed({{k, -1.0}})) - start;
+      along.push_back({0.5 * (up - down), 0.5 * (up + down)});
+    }
+    std::vector<std::pair<double, Changes>> found;  // squared distance from the exact outline
+    for (std::size_t a = 0; a < own.size(); ++a) {
+      for (std::size_t b = a + 1; b < own.size(); ++b) {
+        const double twist = error(changed({{own[a], 1.0}, {own[b], 1.0}})) - start - along[a].slope - along[a].bend -
+                             along[b].slope - along[b].bend;
+        for (int i = -far; i <= far; ++i) {
+          for (int j = -far; j <= far; ++j) {
+            const double here = start + i * along[a].slope + i * i * along[a].bend + j * along[b].slope +
+                                j * j * along[b].bend + i * j * twist;
+            if (std::abs(here) > enough_area * goal_.scale) continue;
+            const double da = value_[own[a]] + i - exact_[own[a]];
+            const double db = value_[own[b]] + j - exact_[own[b]];
+            found.emplace_back(da * da + db * db,
+                               Changes{{own[a], static_cast<double>(i)}, {own[b], static_cast<double>(j)}});
+          }
+        }
+      }
+    }
+    std::stable_sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+    for (const bool in_place : {true, false}) {
+      for (const auto& [distance, changes] : found) {
+        const std::vector<double> tried = changed(changes);
+        if (in_place && goal_.handle && handle_error(tried) > handle_slack) continue;
+        if (!opens_none(tried, changes)) continue;
+        value_ = tried;
+        return;
+      }
+    }
+  }
+
+  const BezierContour& edited_;
+  const BezierContour& original_;
+  RoundingGoal goal_;
+  std::vector<int> unknown_;                        // per coordinate 2 * point + axis; -1 for implied nodes
+  std::vector<double> exact_;                       // per unknown
+  std::vector<double> value_;                       // per unknown, whole
+  std::vector<bool> locked_;                        // per unknown
+  std::vector<int> joins_;                          // segments that start at a smooth join
+  std::vector<std::vector<std::size_t>> joins_of_;  // per unknown
+  std::set<std::size_t> opened_;                    // joins that could not be mended
+};
+
+}  // namespace
+
+Rounding round_keeping_area(const BezierContour& edited, const BezierContour& original, const OutlineRules& rules,
+                            const RoundingGoal& goal) {
+  if (edited.kinds() != original.kinds()) throw InvalidInput("round_keeping_area: the contours differ in structure");
+  return WholeNumbers(edited, original, rules, goal).search();
+}
+
+}  // namespace fontcore

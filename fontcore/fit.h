@@ -1,0 +1,73 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "fontcore/constraint.h"
+#include "fontcore/edit.h"
+#include "fontcore/outline_curve.h"
+#include "fontcore/solve.h"
+
+namespace fontcore {
+
+/// What a structure-preserving edit is to reach, and within what.
+struct StructureEdit {
+  Points field;  ///< the wish: displacement of the spline's control points, N×2, font units
+  std::optional<OutlineCurve::Location>
+      handle;  ///< the point of the outline that is to move by `move`, exactly if it can
+  Point move = Point::Zero();
+  double breadth = 0.0;  ///< of the edit; points further along the outline than this from the handle keep their bits
+  OutlineRules rules;
+  std::optional<double> area;  ///< signed area the contour is to have
+};
+
+/// An outline of the same structure, moved.
+struct StructureFit {
+  BezierContour contour;  ///< not rounded
+  SolveReport report;
+  Point got = Point::Zero();         ///< how the handle moved
+  std::vector<std::string> against;  ///< rules that stood against the handle's move; empty if it was met
+  double off_wish = 0.0;             ///< largest distance of the displacement from the wish, at the samples, font units
+  int segments_kept = 0;             ///< bit for bit as they were
+};
+
+/// Moves an outline's own points: the least-squares image of the wish inside what the rules leave, at exactly the area.
+///
+/// Contours, segments, kinds and start point stay; what is solved is what is emitted. The handle's move is a pair of
+/// rows, taken last: where the rules or the area stand against it, or where forcing it would throw other points further
+/// than `most_throw` times the move, it stays a wish and `against` names what stood against it. With a breadth of at
+/// most a quarter of the contour no more than half of its segments are released. Nearly smooth joins that the edit
+/// would open are closed.
+///
+/// Exact   rows to rounding; area to 1e-12 relative unless `report.failed` says otherwise; segments not released, bit
+/// for bit. Source  DESIGN, "And one consequence".
+StructureFit refit_structure(const OutlineCurve& curve, const StructureEdit& edit);
+
+/// Whole-number coordinates near an outline's, and what they cost.
+struct Rounding {
+  BezierContour contour;
+  double area_error = 0.0;        ///< signed area minus the wished one, square units
+  double plain_area_error = 0.0;  ///< the same with every coordinate rounded to its nearest whole number
+  double handle_error = 0.0;      ///< distance of the handle from its place, font units
+  int opened_joins = 0;           ///< smooth joins that turn by more than 1.5 degrees now
+};
+
+/// Rounds an edited outline so that its signed area is as near `area` as the neighbouring whole numbers allow.
+///
+/// Coordinates that rules tie are one unknown; points that have not moved from `original` stay. Every other unknown
+/// takes its floor or its ceiling, one further if the area is still off;
+/// an outline of few unknowns is searched further, for the area before the handle. Smooth joins stay
+/// within 1.5 degrees where that can be; the handle, if given, ends within one unit of its place.
+///
+/// Exact   never farther from the area than plain rounding unless within `good_area` of it, relative to `scale`.
+/// Throws  InvalidInput if the contours have not the same structure.
+struct RoundingGoal {
+  double area = 0.0;   ///< wished signed area of the contour, square units
+  double scale = 0.0;  ///< what relative errors are relative to: the glyph's area
+  std::optional<OutlineCurve::Location> handle;
+};
+Rounding round_keeping_area(const BezierContour& edited, const BezierContour& original, const OutlineRules& rules,
+                            const RoundingGoal& goal);
+
+}  // namespace fontcore

@@ -1,0 +1,15 @@
+#pragma once
+
+// All of fontcore in stacking order: a file includes only files above it.
+// clang-format off
+#include "fontcore/error.h"
+#include "fontcore/contour.h"
+#include "fontcore/measure.h"
+#include "fontcore/crossing.h"
+#include "fontcore/wavelet.h"
+#include "fontcore/outline_curve.h"
+#include "fontcore/constraint.h"
+#include "fontcore/solve.h"
+#include "fontcore/edit.h"
+#include "fontcore/fit.h"
+// clang-format on
