@@ -382,11 +382,16 @@ std::vector<Pair> parts(const Pair& pair) {
   return parts;
 }
 
+void spend(long& budget, long work) {
+  budget -= work;
+  if (budget < 0) throw WorkLimitExceeded("find_crossings: too many pieces lie on each other");
+}
+
 /// All meetings of two pieces that go forward: they are halved until every pair of parts is apart, crosses once, meets
 /// only at its joint, or is too small to tell.
 ///
 /// Depth by depth, not pair by pair, so that an overlap shows early as a row of undecided pairs that keeps doubling.
-std::vector<Hit> meetings(const Pair& whole, const Tolerance& tolerance) {
+std::vector<Hit> meetings(const Pair& whole, const Tolerance& tolerance, long& budget) {
   if (are_same_or_reversed(whole.a.curve, whole.b.curve)) return {{Meeting::Overlap, true, whole.a.on, whole.b.on}};
   if (whole.a.curve.degree == 1 && whole.b.curve.degree == 1) {
     const Verdict verdict = compare_lines(whole, tolerance.margin);
@@ -397,6 +402,7 @@ std::vector<Hit> meetings(const Pair& whole, const Tolerance& tolerance) {
   std::vector<Pair> open{whole};
   while (!open.empty()) {
     const bool is_last = open.size() > undecided_limit;
+    spend(budget, static_cast<long>(open.size()));
     std::vector<Pair> next;
     for (const Pair& pair : open) {
       const Verdict verdict = judge(pair, tolerance.margin);
@@ -442,7 +448,7 @@ std::vector<Piece> forward_pieces(const BezierContour& contour, int index, doubl
 }
 
 /// All hits between pieces whose boxes meet, found by sweeping the boxes in x.
-std::vector<Hit> all_hits(const std::vector<BezierContour>& contours, const Tolerance& tolerance) {
+std::vector<Hit> all_hits(const std::vector<BezierContour>& contours, const Tolerance& tolerance, long budget) {
   std::vector<Piece> pieces;
   std::vector<std::size_t> next;  // the piece that a piece runs into
   for (std::size_t c = 0; c < contours.size(); ++c) {
@@ -466,8 +472,9 @@ std::vector<Hit> all_hits(const std::vector<BezierContour>& contours, const Tole
     for (std::size_t k = m + 1; k < order.size() && boxes[order[k]].low.x() <= reach; ++k) {
       const auto [i, j] = std::minmax({order[m], order[k]});
       if (apart(boxes[i], boxes[j], tolerance.margin)) continue;
-      const auto found = meetings({pieces[i], pieces[j], next[i] == j, next[j] == i}, tolerance);
+      const auto found = meetings({pieces[i], pieces[j], next[i] == j, next[j] == i}, tolerance, budget);
       hits.insert(hits.end(), found.begin(), found.end());
+      spend(budget, 1 + static_cast<long>(found.size() * hits.size()));  // hits are compared with each other later
     }
   }
   return hits;
@@ -832,7 +839,7 @@ std::vector<Crossing> find_crossings(const std::vector<BezierContour>& contours,
   // Thirty halvings of a cubic err by less than 100 roundings.
   const double margin = std::max(1e-9, 256.0 * std::numeric_limits<double>::epsilon() * largest);
   const Tolerance tolerance{std::max(options.contact_distance, 4.0 * margin), margin};
-  const std::vector<Hit> hits = all_hits(contours, tolerance);
+  const std::vector<Hit> hits = all_hits(contours, tolerance, options.most_work);
   if (hits.empty()) return {};
   return Findings(contours, tolerance).from(hits);
 }

@@ -30,6 +30,8 @@ struct Crossing {
 };
 
 struct CrossingOptions {
+  long most_work =
+      10'000'000;  ///< pairs of pieces and of hits compared at most: a hundred times what the worst real glyphs take
   double contact_distance = 1e-4;  ///< pieces this small and undecided are in contact, font units
 };
 
@@ -48,7 +50,9 @@ struct CrossingOptions {
 ///         more pieces than the check will cut.
 ///         Not seen: contacts (never crossings proved) between places less than two units apart along the contour, as
 ///         at a cusp; loops smaller than `contact_distance`.
-/// Throws  InvalidInput if contact_distance is not positive.
+/// Throws  InvalidInput if contact_distance is not positive; WorkLimitExceeded on outlines that lie on themselves so
+/// often
+///         that listing it would take `most_work`.
 std::vector<Crossing> find_crossings(const std::vector<BezierContour>& contours, const CrossingOptions& options = {});
 
 /// True if the contour meets itself nowhere.

@@ -16,6 +16,11 @@ struct UnsatisfiableConstraints : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+/// A piece of work given up because it had become larger than any real outline makes it; the text names the limit.
+struct WorkLimitExceeded : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
 /// Builds an error text from its facts: `text("contour ", 3, ": area is ", 0.0)`.
 template <typename... Facts>
 std::string text(const Facts&... facts) {

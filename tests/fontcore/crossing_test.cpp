@@ -8,6 +8,7 @@
 
 #include "fontcore/error.h"
 #include "tests/catch.h"
+#include "tests/shapes.h"
 
 using namespace fontcore;
 
@@ -495,6 +496,11 @@ TEST_CASE("an edit is judged by the crossings it adds to each pair of contours",
   CHECK(added_crossings({}, before) == 3);
   CHECK(added_crossings(before, {crossing(0, 0), crossing(1, 1)}) == 1);
   CHECK(added_crossings(before, {crossing(0, 0), crossing(0, 0), crossing(0, 1)}) == 1);
+}
+
+TEST_CASE("an outline made to exhaust the check is given up, not searched for ever", "[crossing]") {
+  const std::vector<BezierContour> pile(3000, shapes::square(500));
+  CHECK_THROWS_AS(find_crossings(pile), fontcore::WorkLimitExceeded);
 }
 
 TEST_CASE("a contact distance that is not positive is refused", "[crossing]") {
