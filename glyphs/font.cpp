@@ -1,0 +1,141 @@
+#include "glyphs/font.h"
+
+#include <algorithm>
+#include <iterator>
+#include <set>
+
+#include "glyphs/error.h"
+
+namespace glyphs {
+
+namespace {
+
+using fontcore::BezierContour;
+using fontcore::Point;
+using fontcore::PointKind;
+using fontcore::text;
+
+bool is_glyph(const Font& font, int glyph) {
+  return glyph >= 0 && static_cast<std::size_t>(glyph) < font.glyphs.size();
+}
+
+const Glyph& glyph_at(const Font& font, int glyph) {
+  if (!is_glyph(font, glyph)) {
+    throw FontReadError(text(font.path, ": there is no glyph ", glyph, " among ", font.glyphs.size()));
+  }
+  return font.glyphs[static_cast<std::size_t>(glyph)];
+}
+
+/// Composes one glyph. Points and components are budgeted, so that parts sharing parts cannot multiply without end.
+class Composer {
+ public:
+  Composer(const Font& font, int glyph) : font_(font), name_(glyph_at(font, glyph).name) {}
+
+  std::vector<BezierContour> placed(int id, int depth) {
+    const Glyph& glyph = glyph_at(font_, id);
+    if (!glyph.trouble.empty()) fail(text(glyph.name == name_ ? "" : "component " + glyph.name + ": ", glyph.trouble));
+    if (!glyph.is_composite()) {
+      for (const BezierContour& contour : glyph.contours) spend_points(contour);
+      return glyph.contours;
+    }
+    if (depth == max_component_depth) {
+      fail(text("components nest deeper than ", max_component_depth, " or in a cycle, at ", glyph.name));
+    }
+    std::vector<BezierContour> all;
+    for (const Component& part : glyph.components) {
+      if (++parts_ > max_composed_points) fail(text("more than ", max_composed_points, " components"));
+      if (!is_glyph(font_, part.glyph)) fail(text("component ", part.glyph, " is no glyph of the font"));
+      std::vector<BezierContour> contours = placed(part.glyph, depth + 1);
+      for (BezierContour& contour : contours) contour = transform(contour, part.placement);
+      if (part.matched_parent >= 0) {
+        const Point parent = stored_point(all, part.matched_parent, glyph);
+        const fontcore::Affine onto{.shift = parent - stored_point(contours, part.matched_child, glyph)};
+        for (BezierContour& contour : contours) contour = transform(contour, onto);
+      }
+      std::move(contours.begin(), contours.end(), std::back_inserter(all));
+    }
+    return all;
+  }
+
+ private:
+  [[noreturn]] void fail(const std::string& why) const {
+    throw FontReadError(text(font_.path, ": ", name_, ": ", why));
+  }
+
+  void spend_points(const BezierContour& contour) {
+    const auto& kinds = contour.kinds();
+    points_ += contour.point_count() - std::count(kinds.begin(), kinds.end(), PointKind::ImpliedNode);
+    if (points_ > max_composed_points) fail(text("more than ", max_composed_points, " points"));
+  }
+
+  Point stored_point(const std::vector<BezierContour>& contours, int wanted, const Glyph& glyph) const {
+    int index = wanted;
+    for (const BezierContour& contour : contours) {
+      for (int i = 0; i < contour.point_count(); ++i) {
+        if (contour.kind(i) != PointKind::ImpliedNode && index-- == 0) return contour.point(i);
+      }
+    }
+    fail(text("point ", wanted, " to be matched does not exist, in ", glyph.name));
+  }
+
+  const Font& font_;
+  const std::string& name_;
+  std::ptrdiff_t points_ = 0;
+  int parts_ = 0;
+};
+
+}  // namespace
+
+int Font::find(const std::string& name) const {
+  const auto at = std::find_if(glyphs.begin(), glyphs.end(), [&](const Glyph& g) { return g.name == name; });
+  return at == glyphs.end() ? -1 : static_cast<int>(at - glyphs.begin());
+}
+
+bool Font::has_outline(int glyph) const {
+  std::set<int> seen{glyph};
+  std::vector<int> open{glyph};
+  while (!open.empty()) {
+    const int id = open.back();
+    open.pop_back();
+    if (!is_glyph(*this, id)) continue;
+    const Glyph& g = glyphs[static_cast<std::size_t>(id)];
+    if (!g.contours.empty()) return true;
+    for (const Component& part : g.components) {
+      if (seen.insert(part.glyph).second) open.push_back(part.glyph);
+    }
+  }
+  return false;
+}
+
+std::vector<BezierContour> compose(const Font& font, int glyph) {
+  std::vector<BezierContour> contours = Composer(font, glyph).placed(glyph, 0);
+  if (const double origin = glyph_at(font, glyph).origin; origin != 0.0) {
+    for (BezierContour& contour : contours) contour = transform(contour, {.shift = Point(-origin, 0.0)});
+  }
+  return contours;
+}
+
+std::vector<int> dependents(const Font& font, const std::vector<int>& glyphs) {
+  std::vector<std::vector<int>> users(font.glyphs.size());
+  for (std::size_t user = 0; user < font.glyphs.size(); ++user) {
+    for (const Component& part : font.glyphs[user].components) {
+      if (is_glyph(font, part.glyph)) users[static_cast<std::size_t>(part.glyph)].push_back(static_cast<int>(user));
+    }
+  }
+  std::vector<bool> is_reached(font.glyphs.size(), false);
+  std::vector<int> reached;
+  const auto reach = [&](int glyph) {
+    const auto index = static_cast<std::size_t>(glyph);
+    if (!is_glyph(font, glyph) || is_reached[index]) return;
+    is_reached[index] = true;
+    reached.push_back(glyph);
+  };
+  for (const int glyph : glyphs) reach(glyph);
+  for (std::size_t i = 0; i < reached.size(); ++i) {
+    for (const int user : users[static_cast<std::size_t>(reached[i])]) reach(user);
+  }
+  std::sort(reached.begin(), reached.end());
+  return reached;
+}
+
+}  // namespace glyphs

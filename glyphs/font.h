@@ -1,0 +1,81 @@
+#pragma once
+
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "fontcore/contour.h"
+
+namespace glyphs {
+
+using Bytes = std::vector<unsigned char>;
+
+/// What a composite may come to; beyond it the glyph is in trouble. The same as other readers'.
+inline constexpr int max_component_depth = 32;
+inline constexpr int max_composed_points = 65535;  ///< and as many components
+
+/// One part of a composite glyph: another glyph, placed.
+///
+/// The part's points are mapped by `placement.linear`, then shifted by `placement.shift`; or, if `matched_parent` is
+/// not negative, shifted so that point `matched_child` of the part falls on point `matched_parent` of what is composed
+/// so far.
+struct Component {
+  int glyph = 0;
+  fontcore::Affine placement;
+  int matched_parent = -1;  ///< point number, counted as in the font: implied nodes do not count
+  int matched_child = -1;
+  bool use_my_metrics = false;
+};
+
+/// A glyph as the font stores it: contours of its own, or components.
+struct Glyph {
+  int id = 0;
+  std::string name;      ///< unique within the font
+  double advance = 0.0;  ///< font units
+  double origin = 0.0;   ///< x of what the advance counts from: a point is drawn at x - origin; nearly always 0
+  std::vector<fontcore::BezierContour> contours;  ///< the font's own points and their order; empty for a composite
+  std::vector<Component> components;
+  bool has_instructions = false;  ///< TrueType instructions; hints of CFF glyphs are not looked for
+  std::string trouble;            ///< why it cannot be drawn, one line; then it has neither contours nor components
+
+  bool is_composite() const { return !components.empty(); }
+};
+
+enum class OutlineFormat { TrueType, Cff, Cff2, None };
+
+/// A font as plain values, in font units, y up, that know no file format; `data` is the file it came from.
+struct Font {
+  std::string path;
+  int face_index = 0;
+  bool is_collection = false;
+  bool is_variable = false;
+  int units_per_em = 0;
+  double ascender = 0.0;
+  double descender = 0.0;
+  std::string family;
+  std::string style;
+  OutlineFormat format = OutlineFormat::None;
+  std::vector<Glyph> glyphs;                ///< by glyph id
+  std::map<char32_t, int> character_map;    ///< Unicode code point -> glyph id
+  std::shared_ptr<const Bytes> data;        ///< the whole file, bit for bit
+  bool has_fractional_coordinates = false;  ///< CFF operands that are not whole numbers
+
+  /// Glyph id of a name; -1 if there is none.
+  int find(const std::string& name) const;
+  /// True if the glyph draws anything: contours of its own, or of its components.
+  bool has_outline(int glyph) const;
+};
+
+/// The outline of a glyph as it is drawn: its components put in place, in doubles (FreeType would round scaled ones),
+/// and the whole shifted so that its origin is at 0.
+///
+/// Throws  FontReadError on a glyph in trouble, a component cycle, nesting deeper than `max_component_depth`, a point
+///         match out of range, or more than `max_composed_points` points, naming file and glyph.
+std::vector<fontcore::BezierContour> compose(const Font& font, int glyph);
+
+/// Glyph ids whose outline changes when the given glyphs' own contours do: they, and every composite that uses them,
+/// sorted.
+std::vector<int> dependents(const Font& font, const std::vector<int>& glyphs);
+
+}  // namespace glyphs
