@@ -1,0 +1,567 @@
+#include "glyphs/sfnt_writer.h"
+
+#include <hb.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstdlib>
+#include <limits>
+#include <optional>
+#include <set>
+#include <string_view>
+
+#include "glyphs/error.h"
+#include "glyphs/freetype_loader.h"
+#include "glyphs/sfnt_tables.h"
+
+namespace glyphs {
+
+namespace {
+
+using fontcore::BezierContour;
+using fontcore::PointKind;
+using fontcore::text;
+using sfnt::Box;
+using sfnt::Malformed;
+using sfnt::SimpleGlyph;
+using sfnt::Tag;
+using sfnt::tag;
+using sfnt::View;
+
+constexpr int int16_min = std::numeric_limits<std::int16_t>::min();
+constexpr int int16_max = std::numeric_limits<std::int16_t>::max();
+bool fits_int16(double value) { return value >= int16_min && value <= int16_max; }
+
+void append_u16(Bytes& bytes, int value) {
+  bytes.push_back(static_cast<unsigned char>(value >> 8 & 0xFF));
+  bytes.push_back(static_cast<unsigned char>(value & 0xFF));
+}
+void put_u16(Bytes& bytes, std::uint64_t at, int value) {
+  bytes.at(at) = static_cast<unsigned char>(value >> 8 & 0xFF);
+  bytes.at(at + 1) = static_cast<unsigned char>(value & 0xFF);
+}
+void put_u32(Bytes& bytes, std::uint64_t at, std::uint32_t value) {
+  put_u16(bytes, at, static_cast<int>(value >> 16));
+  put_u16(bytes, at + 2, static_cast<int>(value & 0xFFFF));
+}
+void put_box(Bytes& bytes, std::uint64_t at, const Box& box) {
+  put_u16(bytes, at, box.x_min);
+  put_u16(bytes, at + 2, box.y_min);
+  put_u16(bytes, at + 4, box.x_max);
+  put_u16(bytes, at + 6, box.y_max);
+}
+
+/// Names, the first few of them.
+std::string list_names(const Font& font, const std::vector<int>& glyphs) {
+  constexpr std::size_t shown = 8;
+  std::string list;
+  for (std::size_t i = 0; i < std::min(shown, glyphs.size()); ++i) {
+    list += (i ? ", " : "") + font.glyphs[static_cast<std::size_t>(glyphs[i])].name;
+  }
+  return glyphs.size() > shown ? text(list, " and ", glyphs.size() - shown, " more") : list;
+}
+
+/// Same structure; same points, implied nodes aside, which follow their handles.
+bool is_same_outline(const std::vector<BezierContour>& a, const std::vector<BezierContour>& b) {
+  if (a.size() != b.size()) return false;
+  for (std::size_t c = 0; c < a.size(); ++c) {
+    if (a[c].kinds() != b[c].kinds()) return false;
+    for (int i = 0; i < a[c].point_count(); ++i) {
+      if (a[c].kind(i) != PointKind::ImpliedNode && a[c].point(i) != b[c].point(i)) return false;
+    }
+  }
+  return true;
+}
+
+bool is_same_part(const Component& a, const Component& b) {
+  return a.glyph == b.glyph && a.placement.linear == b.placement.linear && a.placement.shift == b.placement.shift &&
+         a.matched_parent == b.matched_parent && a.matched_child == b.matched_child &&
+         a.use_my_metrics == b.use_my_metrics;
+}
+
+// ---- one glyph
+
+/// A simple glyph's bytes as small as the format allows: short vectors, repeated flags, no instructions.
+Bytes encode(const SimpleGlyph& glyph, const Box& box) {
+  enum : unsigned { on = 1, short_x = 2, short_y = 4, repeat = 8, same_x = 16, same_y = 32, overlap = 64 };
+  Bytes bytes;
+  append_u16(bytes, static_cast<int>(glyph.ends.size()));
+  bytes.resize(10);
+  put_box(bytes, 2, box);
+  for (const int end : glyph.ends) append_u16(bytes, end);
+  append_u16(bytes, 0);
+  std::vector<unsigned> flags;
+  Bytes steps_x;
+  Bytes steps_y;
+  const auto encode_step = [](int step, unsigned is_short, unsigned same, Bytes& steps) -> unsigned {
+    if (step == 0) return same;
+    if (step >= -255 && step <= 255) {
+      steps.push_back(static_cast<unsigned char>(std::abs(step)));
+      return step > 0 ? is_short | same : is_short;
+    }
+    append_u16(steps, step);
+    return 0;
+  };
+  SimpleGlyph::Point last;
+  for (const SimpleGlyph::Point& point : glyph.points) {
+    unsigned flag = point.on_curve ? on : 0u;
+    if (flags.empty() && glyph.overlaps) flag |= overlap;
+    flag |= encode_step(point.x - last.x, short_x, same_x, steps_x);
+    flag |= encode_step(point.y - last.y, short_y, same_y, steps_y);
+    flags.push_back(flag);
+    last = point;
+  }
+  for (std::size_t i = 0; i < flags.size();) {
+    std::size_t run = 1;
+    while (run < 256 && i + run < flags.size() && flags[i + run] == flags[i]) ++run;
+    if (run > 2) {
+      bytes.push_back(static_cast<unsigned char>(flags[i] | repeat));
+      bytes.push_back(static_cast<unsigned char>(run - 1));
+    } else {
+      bytes.insert(bytes.end(), run, static_cast<unsigned char>(flags[i]));
+    }
+    i += run;
+  }
+  bytes.insert(bytes.end(), steps_x.begin(), steps_x.end());
+  bytes.insert(bytes.end(), steps_y.begin(), steps_y.end());
+  return bytes;
+}
+
+// ---- the font
+
+/// What hhea and head say of all outlines together.
+struct Summary {
+  int min_left = std::numeric_limits<int>::max();
+  int min_right = std::numeric_limits<int>::max();
+  int max_extent = std::numeric_limits<int>::min();
+  std::optional<Box> box;
+
+  void add(const Box& its, int bearing, int advance) {
+    const int extent = bearing + its.x_max - its.x_min;
+    min_left = std::min(min_left, bearing);
+    min_right = std::min(min_right, advance - extent);
+    max_extent = std::max(max_extent, extent);
+    box = box ? Box{std::min(box->x_min, its.x_min), std::min(box->y_min, its.y_min), std::max(box->x_max, its.x_max),
+                    std::max(box->y_max, its.y_max)}
+              : its;
+  }
+};
+
+class Writer {
+ public:
+  Writer(const Font& font, const EditedGlyphs& edited) : font_(font), edited_(edited) {}
+
+  WrittenFont write() {
+    find_changes();
+    if (changed_.empty()) {
+      result_.data = *font_.data;
+      return std::move(result_);
+    }
+    refuse_formats();
+    open_tables();
+    encode_glyphs();
+    move_composites();
+    rebuild_tables();
+    assemble();
+    warn();
+    read_back();
+    return std::move(result_);
+  }
+
+ private:
+  const Glyph& glyph_at(int id) const { return font_.glyphs[static_cast<std::size_t>(id)]; }
+  [[noreturn]] void fail(const std::string& why) const { throw FontWriteError(text(font_.path, ": ", why)); }
+  [[noreturn]] void fail(int glyph, const std::string& why) const { fail(text(glyph_at(glyph).name, ": ", why)); }
+
+  /// The edited glyphs that differ from the font's, with their structure checked.
+  void find_changes() {
+    if (!font_.data) fail("the font has no data to be written from");
+    for (const auto& [id, contours] : edited_) {
+      if (id < 0 || static_cast<std::size_t>(id) >= font_.glyphs.size()) {
+        fail(text("glyph ", id, " is no glyph of the font, which has ", font_.glyphs.size()));
+      }
+      const Glyph& glyph = glyph_at(id);
+      if (!glyph.trouble.empty()) fail(id, text("cannot be edited: ", glyph.trouble));
+      if (glyph.is_composite()) fail(id, "is a composite; it is edited through its components");
+      if (contours.size() != glyph.contours.size()) {
+        fail(id, text(contours.size(), " contours for the font's ", glyph.contours.size()));
+      }
+      for (std::size_t c = 0; c < contours.size(); ++c) {
+        if (contours[c].kinds() != glyph.contours[c].kinds()) {
+          fail(id, text("contour ", c, ": another structure than the font's, ", contours[c].point_count(),
+                        " points for ", glyph.contours[c].point_count()));
+        }
+        for (int i = 0; i < contours[c].point_count(); ++i) {
+          if (contours[c].kind(i) == PointKind::ImpliedNode) require_midpoint(id, c, contours[c], i);
+        }
+      }
+      if (!is_same_outline(contours, glyph.contours)) changed_.push_back(id);
+    }
+  }
+
+  void refuse_formats() const {
+    if (font_.format != OutlineFormat::TrueType) fail("this version writes TrueType outlines only");
+    if (font_.is_collection) fail("this version does not write collections");
+    if (font_.is_variable) fail("this version does not write variable fonts");
+  }
+
+  void open_tables() {
+    directory_ = sfnt::read_directory(*font_.data, font_.face_index);
+    if (directory_.has(tag("gvar"))) fail("this version does not write variable fonts (table gvar)");
+    basics_ = sfnt::read_basics(directory_);
+    const auto count = static_cast<std::size_t>(basics_.glyph_count);
+    if (font_.glyphs.size() != count) fail(text(font_.glyphs.size(), " glyphs, but its data has ", count));
+    old_glyphs_.resize(count);
+    for (int id = 0; id < basics_.glyph_count; ++id) {
+      try {
+        old_glyphs_[static_cast<std::size_t>(id)] = basics_.outlines.bytes(id);
+      } catch (const Malformed& error) {
+        fail(id, error.what());
+      }
+    }
+    new_glyphs_.resize(count);
+    const auto copy = [&](Tag name) {
+      const View bytes = directory_.require(name, 0);
+      return Bytes(bytes.begin(), bytes.end());
+    };
+    for (const Tag name : {tag("head"), tag("hhea"), tag("hmtx"), tag("maxp")}) rebuilt_[name] = copy(name);
+  }
+
+  void encode_glyphs() {
+    for (const int id : changed_) {
+      SimpleGlyph stored = sfnt::read_simple_glyph(old_glyphs_[static_cast<std::size_t>(id)]);
+      const std::vector<BezierContour>& contours = edited_.at(id);
+      if (stored.ends.size() != contours.size()) {
+        fail(id, text("the font's data has ", stored.ends.size(), " contours, the glyph ", contours.size()));
+      }
+      std::size_t next = 0;
+      Box box{int16_max, int16_max, int16_min, int16_min};
+      for (std::size_t c = 0; c < contours.size(); ++c) {
+        const BezierContour& contour = contours[c];
+        for (int i = 0; i < contour.point_count(); ++i) {
+          if (contour.kind(i) == PointKind::ImpliedNode) continue;
+          if (next > static_cast<std::size_t>(stored.ends[c]) ||
+              stored.points[next].on_curve != (contour.kind(i) == PointKind::Node)) {
+            fail(id, text("contour ", c, ", point ", i, ": the font's data has another structure"));
+          }
+          const auto [x, y] = whole(id, c, contour, i);
+          stored.points[next].x = x;
+          stored.points[next].y = y;
+          box = {std::min(box.x_min, x), std::min(box.y_min, y), std::max(box.x_max, x), std::max(box.y_max, y)};
+          if (next > 0) require_step(id, c, stored.points[next - 1], stored.points[next]);
+          ++next;
+        }
+        if (next != static_cast<std::size_t>(stored.ends[c]) + 1) {
+          fail(id, text("contour ", c, ": the font's data has another number of points"));
+        }
+      }
+      place(id, encode(stored, box), box);
+      raise_maximum(6, static_cast<int>(stored.points.size()));
+      raise_maximum(8, static_cast<int>(stored.ends.size()));
+      if (glyph_at(id).has_instructions) result_.dropped_instructions.push_back(id);
+    }
+  }
+
+  std::pair<int, int> whole(int id, std::size_t c, const BezierContour& contour, int i) const {
+    const fontcore::Point p = contour.point(i);
+    for (const double value : {p.x(), p.y()}) {
+      const char* why = value != std::trunc(value) ? " is no whole number" : " does not fit in 16 bits";
+      if (value != std::trunc(value) || !fits_int16(value)) {
+        fail(id, text("contour ", c, ", point ", i, ": coordinate ", value, why));
+      }
+    }
+    return {static_cast<int>(p.x()), static_cast<int>(p.y())};
+  }
+
+  void require_step(int id, std::size_t c, const SimpleGlyph::Point& from, const SimpleGlyph::Point& to) const {
+    if (fits_int16(to.x - from.x) && fits_int16(to.y - from.y)) return;
+    fail(id, text("contour ", c, ": the step from (", from.x, ", ", from.y, ") to (", to.x, ", ", to.y,
+                  ") does not fit in 16 bits"));
+  }
+
+  /// An implied node is not stored, so it must be where a reader will put it.
+  void require_midpoint(int id, std::size_t c, const BezierContour& contour, int i) const {
+    constexpr double rounding = 1e-6;  // of what computed it
+    const int n = static_cast<int>(contour.point_count());
+    const fontcore::Point middle = 0.5 * (contour.point((i + n - 1) % n) + contour.point((i + 1) % n));
+    if ((contour.point(i) - middle).cwiseAbs().maxCoeff() <= rounding) return;
+    fail(id, text("contour ", c, ", point ", i, ": an implied node at (", contour.point(i).x(), ", ",
+                  contour.point(i).y(), ") is not midway between its handles"));
+  }
+
+  /// Gives the glyph new bytes and lets its left side bearing follow its box.
+  void place(int id, Bytes bytes, const Box& box) {
+    const Box old_box = sfnt::read_box(old_glyphs_[static_cast<std::size_t>(id)]);
+    const int bearing = basics_.metrics.bearing(id) + box.x_min - old_box.x_min;
+    if (!fits_int16(bearing)) fail(id, text("left side bearing ", bearing, " does not fit in 16 bits"));
+    put_u16(rebuilt_[tag("hmtx")], basics_.metrics.bearing_offset(id), bearing);
+    if (box.y_max != old_box.y_max) has_new_top_.push_back(id);
+    new_glyphs_[static_cast<std::size_t>(id)] = std::move(bytes);
+  }
+
+  void raise_maximum(std::uint64_t offset, int value) {
+    Bytes& maxp = rebuilt_[tag("maxp")];
+    if (sfnt::u16(maxp, offset) < value) put_u16(maxp, offset, value);
+  }
+
+  void move_composites() {
+    Font after = font_;
+    for (const int id : changed_) after.glyphs[static_cast<std::size_t>(id)].contours = edited_.at(id);
+    for (const int id : dependents(font_, changed_)) {
+      if (!glyph_at(id).is_composite()) continue;
+      result_.moved_composites.push_back(id);
+      double low_x = std::numeric_limits<double>::infinity();
+      double low_y = low_x;
+      double high_x = -low_x;
+      double high_y = -low_x;
+      for (const BezierContour& contour : compose(after, id)) {
+        low_x = std::min(low_x, contour.points().col(0).minCoeff());
+        low_y = std::min(low_y, contour.points().col(1).minCoeff());
+        high_x = std::max(high_x, contour.points().col(0).maxCoeff());
+        high_y = std::max(high_y, contour.points().col(1).maxCoeff());
+      }
+      const double origin = glyph_at(id).origin;  // the box counts from the glyph's own zero
+      const auto round = [&](double value) {
+        const double rounded = std::floor(value + 0.5);
+        if (!fits_int16(rounded)) fail(id, text("box coordinate ", rounded, " does not fit in 16 bits"));
+        return static_cast<int>(rounded);
+      };
+      const Box box{round(low_x + origin), round(low_y), round(high_x + origin), round(high_y)};
+      const View old = old_glyphs_[static_cast<std::size_t>(id)];
+      Bytes bytes(old.begin(), old.end());
+      put_box(bytes, 2, box);
+      place(id, std::move(bytes), box);
+    }
+  }
+
+  View glyph_bytes(int id) const {
+    const auto& changed = new_glyphs_[static_cast<std::size_t>(id)];
+    return changed ? View(*changed) : old_glyphs_[static_cast<std::size_t>(id)];
+  }
+
+  void rebuild_tables() {
+    rebuild_outlines();
+    sfnt::Metrics metrics = basics_.metrics;
+    metrics.hmtx = rebuilt_[tag("hmtx")];
+    Summary before;
+    Summary after;
+    for (int id = 0; id < basics_.glyph_count; ++id) {
+      if (!font_.has_outline(id)) continue;
+      before.add(sfnt::read_box(old_glyphs_[static_cast<std::size_t>(id)]), basics_.metrics.bearing(id),
+                 metrics.advance(id));
+      after.add(sfnt::read_box(glyph_bytes(id)), metrics.bearing(id), metrics.advance(id));
+    }
+    // A value that the edit leaves alone stays as the font has it, even where the font has it wrong.
+    Bytes& hhea = rebuilt_[tag("hhea")];
+    const auto follow = [&](std::uint64_t offset, int old_value, int value) {
+      if (value == old_value) return;
+      if (!fits_int16(value)) fail(text("table hhea: ", value, " does not fit in 16 bits"));
+      put_u16(hhea, offset, value);
+    };
+    follow(12, before.min_left, after.min_left);
+    follow(14, before.min_right, after.min_right);
+    follow(16, before.max_extent, after.max_extent);
+    if (before.box != after.box) put_box(rebuilt_[tag("head")], 36, *after.box);
+    set_modified();
+    check_clipping(before.box, after.box);
+  }
+
+  void rebuild_outlines() {
+    const sfnt::GlyphData& old = basics_.outlines;
+    std::uint64_t alignment = 4;
+    for (int id = 0; id <= basics_.glyph_count; ++id) {
+      while (old.offset(id) % alignment != 0) alignment /= 2;
+    }
+    const View before = old.glyf.first(old.offset(0));
+    const View behind = old.glyf.subspan(old.offset(basics_.glyph_count));
+    Bytes glyf(before.begin(), before.end());
+    std::vector<std::uint64_t> offsets;
+    for (int id = 0; id < basics_.glyph_count; ++id) {
+      offsets.push_back(glyf.size());
+      const View bytes = glyph_bytes(id);
+      glyf.insert(glyf.end(), bytes.begin(), bytes.end());
+      if (new_glyphs_[static_cast<std::size_t>(id)]) glyf.resize((glyf.size() + alignment - 1) / alignment * alignment);
+    }
+    offsets.push_back(glyf.size());
+    constexpr std::uint64_t short_limit = 2 * 0xFFFF;
+    const bool is_long = old.has_long_offsets || offsets.back() > short_limit;
+    if (offsets.back() > std::numeric_limits<std::uint32_t>::max()) fail("table glyf: more than 4 GiB");
+    glyf.insert(glyf.end(), behind.begin(), behind.end());
+    Bytes loca(offsets.size() * (is_long ? 4 : 2));
+    for (std::size_t i = 0; i < offsets.size(); ++i) {
+      if (is_long) {
+        put_u32(loca, 4 * i, static_cast<std::uint32_t>(offsets[i]));
+      } else {
+        put_u16(loca, 2 * i, static_cast<int>(offsets[i] / 2));
+      }
+    }
+    if (is_long == old.has_long_offsets) {  // entries beyond the last glyph's
+      const View rest = old.loca.subspan(loca.size());
+      loca.insert(loca.end(), rest.begin(), rest.end());
+    }
+    put_u16(rebuilt_[tag("head")], 50, is_long ? 1 : 0);
+    rebuilt_[tag("glyf")] = std::move(glyf);
+    rebuilt_[tag("loca")] = std::move(loca);
+  }
+
+  void set_modified() {
+    const char* epoch = std::getenv("SOURCE_DATE_EPOCH");
+    if (!epoch) return;
+    const std::string_view digits = epoch;
+    std::uint64_t seconds = 0;
+    const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), seconds);
+    if (error != std::errc() || end != digits.data() + digits.size()) {
+      fail(text("SOURCE_DATE_EPOCH is no number of seconds: ", digits));
+    }
+    constexpr std::uint64_t from_1904_to_1970 = 2082844800;
+    const std::uint64_t modified = seconds + from_1904_to_1970;
+    put_u32(rebuilt_[tag("head")], 28, static_cast<std::uint32_t>(modified >> 32));
+    put_u32(rebuilt_[tag("head")], 32, static_cast<std::uint32_t>(modified & 0xFFFFFFFF));
+  }
+
+  /// Windows clips at usWinAscent and usWinDescent, which are the designer's and stay.
+  void check_clipping(const std::optional<Box>& before, const std::optional<Box>& after) {
+    const sfnt::TableRecord* os2 = directory_.find(tag("OS/2"));
+    if (!os2 || os2->bytes.size() < 78 || !before || !after) return;
+    const int ascent = sfnt::u16(os2->bytes, 74);
+    const int descent = sfnt::u16(os2->bytes, 76);
+    if (after->y_max > ascent && after->y_max > before->y_max) {
+      result_.warnings.push_back(text("OS/2: ink now reaches ", after->y_max, ", above usWinAscent ", ascent));
+    }
+    if (-after->y_min > descent && after->y_min < before->y_min) {
+      result_.warnings.push_back(text("OS/2: ink now reaches ", after->y_min, ", below usWinDescent ", descent));
+    }
+  }
+
+  void assemble() {
+    // Made untrue by any edit of outlines: the signature, and what was derived from hinted widths and heights.
+    const std::set<Tag> void_tables{tag("DSIG"), tag("hdmx"), tag("LTSH"), tag("VDMX")};
+    std::vector<sfnt::TableRecord> tables;
+    for (const sfnt::TableRecord& table : directory_.tables) {
+      const auto rebuilt = rebuilt_.find(table.tag);
+      if (void_tables.contains(table.tag)) {
+        result_.dropped_tables.push_back(sfnt::tag_name(table.tag));
+      } else {
+        tables.push_back({table.tag, rebuilt == rebuilt_.end() ? table.bytes : View(rebuilt->second)});
+      }
+    }
+    std::sort(result_.dropped_tables.begin(), result_.dropped_tables.end());
+    result_.data = build(tables);
+    const sfnt::Directory written = sfnt::read_directory(result_.data, 0);
+    for (const sfnt::TableRecord& table : written.tables) {
+      if (!std::ranges::equal(table.bytes, directory_.require(table.tag, 0))) {
+        result_.changed_tables.push_back(sfnt::tag_name(table.tag));
+      }
+    }
+    std::sort(result_.changed_tables.begin(), result_.changed_tables.end());
+  }
+
+  /// The file, by HarfBuzz: directory, padding, checksums; the tables lie in the order of the old file.
+  Bytes build(const std::vector<sfnt::TableRecord>& tables) const {
+    hb_face_t* builder = hb_face_builder_create();
+    bool is_complete = true;
+    for (const sfnt::TableRecord& table : tables) {
+      hb_blob_t* blob =
+          hb_blob_create(reinterpret_cast<const char*>(table.bytes.data()), static_cast<unsigned>(table.bytes.size()),
+                         HB_MEMORY_MODE_READONLY, nullptr, nullptr);
+      is_complete = hb_face_builder_add_table(builder, table.tag, blob) && is_complete;
+      hb_blob_destroy(blob);
+    }
+    std::vector<sfnt::TableRecord> placed = directory_.tables;
+    std::stable_sort(placed.begin(), placed.end(), [](const sfnt::TableRecord& a, const sfnt::TableRecord& b) {
+      return a.bytes.data() < b.bytes.data();
+    });
+    std::vector<hb_tag_t> order;
+    for (const sfnt::TableRecord& table : placed) order.push_back(table.tag);
+    order.push_back(HB_TAG_NONE);
+    hb_face_builder_sort_tables(builder, order.data());
+    hb_blob_t* blob = hb_face_reference_blob(builder);
+    unsigned size = 0;
+    const char* data = hb_blob_get_data(blob, &size);
+    Bytes file(data, data + size);
+    hb_blob_destroy(blob);
+    hb_face_destroy(builder);
+    if (!is_complete || file.size() < 12) fail("HarfBuzz could not put the tables together");
+    restore_version(file);
+    return file;
+  }
+
+  /// HarfBuzz writes version 1.0 for all TrueType fonts; an old 'true' stays what it was.
+  void restore_version(Bytes& file) const {
+    const std::uint32_t written = sfnt::u32(file, 0);
+    if (written == directory_.version) return;
+    put_u32(file, 0, directory_.version);
+    const View head = sfnt::read_directory(file, 0).require(tag("head"), 54);
+    const auto adjustment = static_cast<std::uint64_t>(head.data() - file.data()) + 8;
+    put_u32(file, adjustment, sfnt::u32(file, adjustment) - (directory_.version - written));
+  }
+
+  void warn() {
+    struct Drawing {
+      Tag table;
+      const char* what;
+    };
+    for (const Drawing& drawing : {Drawing{tag("SVG "), "an SVG drawing"}, Drawing{tag("COLR"), "coloured layers"},
+                                   Drawing{tag("EBDT"), "bitmaps"}, Drawing{tag("bdat"), "bitmaps"},
+                                   Drawing{tag("CBDT"), "coloured bitmaps"}, Drawing{tag("sbix"), "bitmaps"}}) {
+      if (!directory_.has(drawing.table)) continue;
+      result_.warnings.push_back(
+          text(sfnt::tag_name(drawing.table), ": ", drawing.what,
+               ", another drawing of the same glyphs, are kept as they were; edited: ", list_names(font_, changed_)));
+    }
+    if (directory_.has(tag("vmtx")) && !has_new_top_.empty()) {
+      result_.warnings.push_back(
+          text("vmtx: top side bearings are kept, though yMax moved in ", list_names(font_, has_new_top_)));
+    }
+  }
+
+  /// The result, read by the loader, must say what was asked, and the same as before of all else.
+  void read_back() const {
+    std::optional<Font> read;
+    try {
+      read = load_font(font_.path, result_.data);
+    } catch (const FontReadError& error) {
+      throw FontWriteError(text("the result does not read back: ", error.what()));
+    }
+    if (read->glyphs.size() != font_.glyphs.size()) fail("the result has another number of glyphs");
+    for (const Glyph& glyph : font_.glyphs) {
+      const Glyph& back = read->glyphs[static_cast<std::size_t>(glyph.id)];
+      const bool is_changed = std::binary_search(changed_.begin(), changed_.end(), glyph.id);
+      const auto& wanted = is_changed ? edited_.at(glyph.id) : glyph.contours;
+      if (!is_same_outline(back.contours, wanted)) fail(glyph.id, "the result reads back with another outline");
+      if (back.name != glyph.name || back.advance != glyph.advance || back.origin != glyph.origin ||
+          back.trouble != glyph.trouble ||
+          !std::equal(back.components.begin(), back.components.end(), glyph.components.begin(), glyph.components.end(),
+                      is_same_part)) {
+        fail(glyph.id, "the result reads back with another name, advance, origin or components");
+      }
+    }
+    if (read->character_map != font_.character_map) fail("the result reads back with another character map");
+  }
+
+  const Font& font_;
+  const EditedGlyphs& edited_;
+  std::vector<int> changed_;
+  sfnt::Directory directory_;
+  sfnt::Basics basics_;
+  std::vector<View> old_glyphs_;
+  std::vector<std::optional<Bytes>> new_glyphs_;
+  std::vector<int> has_new_top_;
+  std::map<Tag, Bytes> rebuilt_;
+  WrittenFont result_;
+};
+
+}  // namespace
+
+WrittenFont write_sfnt(const Font& font, const EditedGlyphs& edited) {
+  try {
+    return Writer(font, edited).write();
+  } catch (const Malformed& error) {
+    throw FontWriteError(text(font.path, ": ", error.what()));
+  } catch (const FontReadError& error) {
+    throw FontWriteError(error.what());
+  }
+}
+
+}  // namespace glyphs

@@ -1,0 +1,240 @@
+#include "glyphs/sfnt_writer.h"
+
+#include <cstdlib>
+
+#include "glyphs/error.h"
+#include "glyphs/freetype_loader.h"
+#include "tests/catch.h"
+#include "tests/glyphs/sfnt_bytes.h"
+
+namespace {
+
+using fontcore::BezierContour;
+using fontcore::Point;
+using fontcore::PointKind;
+using fontcore::Points;
+using glyphs::Bytes;
+using glyphs::EditedGlyphs;
+using glyphs::Font;
+using glyphs::FontWriteError;
+using glyphs::write_sfnt;
+using sfnt_bytes::composite;
+using sfnt_bytes::font_of;
+using sfnt_bytes::get16;
+using sfnt_bytes::glyphs_of;
+using sfnt_bytes::simple_glyph;
+using sfnt_bytes::small_font;
+using sfnt_bytes::tables_of;
+
+const Bytes instructions{0x4F};  // one byte
+const Bytes triangle = simple_glyph({{{0, 0}, {300, 0}, {0, 300}}}, 0x40, instructions);
+const Bytes rounded = simple_glyph({{{0, 0}, {300, 0, false}, {300, 300, false}, {0, 300}}});
+
+/// The glyph's contours with every stored point mapped and implied nodes put midway again.
+template <typename Map>
+std::vector<BezierContour> moved(const Font& font, int glyph, Map map) {
+  std::vector<BezierContour> result;
+  for (const BezierContour& contour : font.glyphs.at(static_cast<std::size_t>(glyph)).contours) {
+    Points points = contour.points();
+    const Eigen::Index n = points.rows();
+    for (Eigen::Index i = 0; i < n; ++i) {
+      if (contour.kind(static_cast<int>(i)) == PointKind::ImpliedNode) continue;
+      points.row(i) = map(contour.point(static_cast<int>(i))).transpose();
+    }
+    for (Eigen::Index i = 0; i < n; ++i) {
+      if (contour.kind(static_cast<int>(i)) != PointKind::ImpliedNode) continue;
+      points.row(i) = 0.5 * (points.row((i + n - 1) % n) + points.row((i + 1) % n));
+    }
+    result.push_back(contour.with_points(points));
+  }
+  return result;
+}
+
+std::vector<BezierContour> shifted(const Font& font, int glyph, double x, double y) {
+  return moved(font, glyph, [&](const Point& p) { return Point(p + Point(x, y)); });
+}
+
+template <typename Work>
+std::string write_error(Work work) {
+  try {
+    work();
+  } catch (const FontWriteError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+Font load_small(const std::vector<Bytes>& glyphs, int bearing_shift = 0) {
+  return glyphs::load_font("small.ttf", font_of(small_font(glyphs, bearing_shift)));
+}
+
+}  // namespace
+
+TEST_CASE("an edited glyph is stored with its new points, its overlap flag and no instructions", "[sfnt_writer]") {
+  const Font font = load_small({{}, triangle, rounded});
+  REQUIRE(font.glyphs[1].has_instructions);
+  const auto written = write_sfnt(font, {{1, shifted(font, 1, 10, -20)}});
+  const auto glyph = glyphs_of(tables_of(written.data)).at(1);
+  CHECK(get16(glyph, 0) == 1);
+  CHECK(std::vector{get16(glyph, 2), get16(glyph, 4), get16(glyph, 6), get16(glyph, 8)} ==
+        std::vector{10, -20, 310, 280});
+  CHECK(get16(glyph, 10) == 2);          // the last point
+  CHECK(get16(glyph, 12) == 0);          // instructions
+  CHECK((glyph.at(14) & 0x41) == 0x41);  // on the curve, overlapping
+  CHECK(written.dropped_instructions == std::vector{1});
+  const Font read = glyphs::load_font("again.ttf", written.data);
+  CHECK(read.glyphs[1].contours == shifted(font, 1, 10, -20));
+  CHECK_FALSE(read.glyphs[1].has_instructions);
+  CHECK(glyphs_of(tables_of(written.data)).at(2) == glyphs_of(tables_of(*font.data)).at(2));
+}
+
+TEST_CASE("flags repeat and short steps take a byte", "[sfnt_writer]") {
+  sfnt_bytes::Contours zigzag(1);
+  for (int i = 0; i < 600; ++i) zigzag[0].push_back({i, i % 2});
+  const Font font = load_small({{}, simple_glyph(zigzag)});
+  const auto written = write_sfnt(font, {{1, shifted(font, 1, 1, 1)}});
+  // x steps by one (a byte each), y goes up and down; flags of two kinds take turns, so they cannot repeat. Padded
+  // to 4.
+  CHECK(glyphs_of(tables_of(written.data)).at(1).size() == 14 + 600 + 600 + 600 + 2);
+  const auto flat = write_sfnt(font, {{1, moved(font, 1, [](const Point& p) { return Point(p.x(), 0); })}});
+  CHECK(glyphs_of(tables_of(flat.data)).at(1).size() < 14 + 600 + 12);
+  CHECK(glyphs::load_font("flat", flat.data).glyphs[1].contours[0].point(599) == Point(599, 0));
+}
+
+TEST_CASE("left side bearings and boxes follow, so that an outline stays at its origin", "[sfnt_writer]") {
+  for (const int bearing_shift : {0, 40}) {
+    const Bytes user = composite({{.glyph = 1, .first = 100}, {.glyph = 2, .matrix = {0.5}}});
+    const Font font = load_small({{}, triangle, rounded, user}, bearing_shift);
+    const auto before = tables_of(*font.data);
+    const auto written = write_sfnt(font, {{2, shifted(font, 2, -15, 5)}});
+    const auto after = tables_of(written.data);
+    CHECK(written.moved_composites == std::vector{3});
+    CHECK(get16(after.at("hmtx"), 4 * 2 + 2) == get16(before.at("hmtx"), 4 * 2 + 2) - 15);
+    const auto box = glyphs_of(after).at(3);
+    // 0.5 * (-15, 5) to 0.5 * (285, 305), and the triangle at 100 to 400: rounded half up.
+    CHECK(std::vector{get16(box, 2), get16(box, 4), get16(box, 6), get16(box, 8)} == std::vector{-7, 0, 400, 300});
+    CHECK(Bytes(box.begin() + 10, box.end()) == [&] {
+      const auto old = glyphs_of(before).at(3);
+      return Bytes(old.begin() + 10, old.end());
+    }());
+    const Font read = glyphs::load_font("again.ttf", written.data);
+    for (const int id : {1, 2, 3}) {
+      CHECK(read.glyphs[static_cast<std::size_t>(id)].origin == font.glyphs[static_cast<std::size_t>(id)].origin);
+    }
+    CHECK(get16(after.at("head"), 36) == -15);
+  }
+}
+
+TEST_CASE("offsets become long when short ones no longer reach", "[sfnt_writer]") {
+  // 16896 points in one place take a flag and a count for every 256 of them; spread out they take four bytes each.
+  constexpr int runs = 66;
+  constexpr int count = 256 * runs;
+  Bytes heap;
+  for (const int value : {1, 0, 0, 0, 0, count - 1, 0}) sfnt_bytes::put16(heap, value);
+  for (int i = 0; i < runs; ++i) sfnt_bytes::put16(heap, 0x39FF);
+  const Font font = load_small({{}, heap, heap});
+  REQUIRE(font.glyphs[1].contours.at(0).point_count() == count);
+  const auto spread = [&](int glyph) {
+    int index = 0;
+    return moved(font, glyph, [&](const Point&) {
+      ++index;
+      return Point(900 * (index % 2), 900 * (index % 3));
+    });
+  };
+  const auto one = write_sfnt(font, {{1, spread(1)}});
+  CHECK(get16(tables_of(one.data).at("head"), 50) == 0);
+  const auto both = write_sfnt(font, {{1, spread(1)}, {2, spread(2)}});
+  CHECK(get16(tables_of(both.data).at("head"), 50) == 1);
+  CHECK(tables_of(both.data).at("glyf").size() > 131070);
+  CHECK(glyphs_of(tables_of(both.data)).at(0).empty());
+  CHECK(glyphs::load_font("both.ttf", both.data).glyphs[2].contours == spread(2));
+}
+
+TEST_CASE("checksums are right and a version 'true' stays", "[sfnt_writer]") {
+  Bytes data = font_of(small_font({{}, triangle}));
+  const std::string version = "true";
+  std::copy(version.begin(), version.end(), data.begin());
+  const Font font = glyphs::load_font("apple.ttf", data);
+  const auto written = write_sfnt(font, {{1, shifted(font, 1, 1, 0)}});
+  CHECK(std::string(written.data.begin(), written.data.begin() + 4) == "true");
+  CHECK(sfnt_bytes::checksum(written.data) == 0xB1B0AFBA);
+  for (std::size_t i = 0; i < sfnt_bytes::get(written.data, 4, 2); ++i) {
+    const std::size_t at = 12 + 16 * i;
+    const auto from = written.data.begin() + sfnt_bytes::get(written.data, at + 8, 4);
+    Bytes table(from, from + sfnt_bytes::get(written.data, at + 12, 4));
+    if (written.data[at] == 'h' && written.data[at + 2] == 'a' && written.data[at + 3] == 'd') {
+      std::fill(table.begin() + 8, table.begin() + 12, static_cast<unsigned char>(0));
+    }
+    CHECK(sfnt_bytes::checksum(table) == sfnt_bytes::get(written.data, at + 4, 4));
+  }
+}
+
+TEST_CASE("tables that an edit makes void are dropped by name, unknown ones kept", "[sfnt_writer]") {
+  auto tables = small_font({{}, triangle});
+  for (const std::string tag : {"DSIG", "hdmx", "LTSH", "VDMX", "zzzz", "SVG "}) tables[tag] = {1, 2, 3, 4, 5};
+  const Font font = glyphs::load_font("more.ttf", font_of(tables));
+  const auto written = write_sfnt(font, {{1, shifted(font, 1, 1, 0)}});
+  CHECK(written.dropped_tables == std::vector<std::string>{"DSIG", "LTSH", "VDMX", "hdmx"});
+  CHECK(tables_of(written.data).at("zzzz") == tables.at("zzzz"));
+  CHECK(tables_of(written.data).at("SVG ") == tables.at("SVG "));
+  REQUIRE(written.warnings.size() == 1);
+  CHECK(written.warnings[0] ==
+        "SVG: an SVG drawing, another drawing of the same glyphs, are kept as they were; edited: uni0041");
+}
+
+TEST_CASE("the date changes with SOURCE_DATE_EPOCH alone", "[sfnt_writer]") {
+  const Font font = load_small({{}, triangle});
+  const EditedGlyphs edited{{1, shifted(font, 1, 1, 0)}};
+  ::unsetenv("SOURCE_DATE_EPOCH");
+  const auto plain = write_sfnt(font, edited);
+  CHECK(plain.data == write_sfnt(font, edited).data);
+  CHECK(sfnt_bytes::get(tables_of(plain.data).at("head"), 32, 4) == 0);
+  ::setenv("SOURCE_DATE_EPOCH", "1700000000", 1);
+  CHECK(sfnt_bytes::get(tables_of(write_sfnt(font, edited).data).at("head"), 32, 4) == 1700000000u + 2082844800u);
+  ::setenv("SOURCE_DATE_EPOCH", "yesterday", 1);
+  CHECK(write_error([&] { write_sfnt(font, edited); }) ==
+        "small.ttf: SOURCE_DATE_EPOCH is no number of seconds: yesterday");
+  ::unsetenv("SOURCE_DATE_EPOCH");
+}
+
+TEST_CASE("what cannot be stored is refused with file, glyph and numbers", "[sfnt_writer]") {
+  const Font font = load_small({{}, triangle, rounded, composite({{.glyph = 1}})});
+  const auto refused = [&](int glyph, std::vector<BezierContour> contours) {
+    return write_error([&] { write_sfnt(font, {{glyph, std::move(contours)}}); });
+  };
+  const auto at_first = [&](int glyph, double x, double y) {
+    auto contours = font.glyphs[static_cast<std::size_t>(glyph)].contours;
+    Points points = contours[0].points();
+    points.row(0) << x, y;
+    contours[0] = contours[0].with_points(points);
+    return contours;
+  };
+  CHECK(refused(1, at_first(1, 0.5, 0)) == "small.ttf: uni0041: contour 0, point 0: coordinate 0.5 is no whole number");
+  CHECK(refused(1, at_first(1, 0, 40000)) ==
+        "small.ttf: uni0041: contour 0, point 0: coordinate 40000 does not fit in 16 bits");
+  CHECK(refused(1, at_first(1, -32768, 0)) ==
+        "small.ttf: uni0041: contour 0: the step from (-32768, 0) to (300, 0) does not fit in 16 bits");
+  CHECK(refused(1, {}) == "small.ttf: uni0041: 0 contours for the font's 1");
+  CHECK(refused(1, font.glyphs[2].contours).starts_with("small.ttf: uni0041: contour 0: another structure"));
+  CHECK(refused(3, {}) == "small.ttf: uni0043: is a composite; it is edited through its components");
+  CHECK(refused(9, {}) == "small.ttf: glyph 9 is no glyph of the font, which has 4");
+  auto implied = font.glyphs[2].contours;
+  Points points = implied[0].points();
+  REQUIRE(implied[0].kind(2) == PointKind::ImpliedNode);
+  points(2, 0) += 1;
+  CHECK(refused(2, {implied[0].with_points(points)}).starts_with("small.ttf: uni0042: contour 0, point 2: an implied"));
+
+  const Font cff = glyphs::load_font(std::string(GLYPHWAVE_SOURCE_DIR) + "/fonts/cabin/Cabin-Bold.otf");
+  CHECK(write_error([&] {
+          write_sfnt(cff, {{cff.find("a"), shifted(cff, cff.find("a"), 1, 0)}});
+        }) == cff.path + ": this version writes TrueType outlines only");
+  CHECK(write_sfnt(cff, {}).data == *cff.data);
+}
+
+TEST_CASE("contours of one and two points survive an edit beside them", "[sfnt_writer]") {
+  const Font font = load_small({{}, simple_glyph({{{10, 20}}, {{0, 0}, {100, 50}}, {{0, 0}, {300, 0}, {0, 300}}})});
+  const auto wanted = shifted(font, 1, 3, 4);
+  const Font read = glyphs::load_font("again.ttf", write_sfnt(font, {{1, wanted}}).data);
+  REQUIRE(read.glyphs[1].contours.size() == 3);
+  CHECK(read.glyphs[1].contours == wanted);
+}
