@@ -1,0 +1,258 @@
+#include "glyphs/safe_file.h"
+
+#include <fcntl.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <thread>
+
+#include "glyphs/error.h"
+#include "tests/catch.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+using glyphs::Bytes;
+using glyphs::FontWriteError;
+using glyphs::write_file;
+using glyphs::write_files;
+
+/// A folder of its own for a test.
+class Folder {
+ public:
+  Folder() {
+    std::string name = (fs::temp_directory_path() / "glyphwave-test-XXXXXX").string();
+    if (!::mkdtemp(name.data())) throw std::runtime_error("mkdtemp");
+    path_ = name;
+  }
+  Folder(const Folder&) = delete;
+  Folder& operator=(const Folder&) = delete;
+  ~Folder() { fs::remove_all(path_); }
+  std::string operator/(const std::string& name) const { return (path_ / name).string(); }
+  std::ptrdiff_t count() const { return std::distance(fs::directory_iterator(path_), fs::directory_iterator()); }
+
+ private:
+  fs::path path_;
+};
+
+std::string content(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+unsigned mode(const std::string& path) {
+  struct stat status {};
+  REQUIRE(::stat(path.c_str(), &status) == 0);
+  return status.st_mode & 07777u;
+}
+
+template <typename Work>
+std::string write_error(Work work) {
+  try {
+    work();
+  } catch (const FontWriteError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+/// How a child that does the work ended: its exit status, or 1000 and the signal.
+template <typename Work>
+int run_child(Work work) {
+  const pid_t child = ::fork();
+  if (child == 0) {
+    try {
+      work();
+    } catch (const FontWriteError&) {
+      ::_exit(2);
+    }
+    ::_exit(0);
+  }
+  int status = 0;
+  while (::waitpid(child, &status, 0) < 0 && errno == EINTR) {
+  }
+  return WIFSIGNALED(status) ? 1000 + WTERMSIG(status) : WEXITSTATUS(status);
+}
+
+}  // namespace
+
+TEST_CASE("a file is written whole, and nothing is left beside it", "[safe_file]") {
+  const Folder folder;
+  const std::string path = folder / "a";
+  write_file(path, std::string("first"));
+  CHECK(content(path) == "first");
+  const Bytes large(3'000'000, 7);
+  write_file(path, large);
+  CHECK(content(path) == std::string(large.begin(), large.end()));
+  write_file(path, std::string());
+  CHECK(content(path).empty());
+  CHECK(folder.count() == 1);
+}
+
+TEST_CASE("an old file keeps its mode, a new one gets it from the umask", "[safe_file]") {
+  const Folder folder;
+  write_file(folder / "old", std::string("1"));
+  for (const unsigned wanted : {0600u, 0644u, 0640u, 0755u}) {
+    REQUIRE(::chmod((folder / "old").c_str(), wanted) == 0);
+    write_file(folder / "old", std::string("2"));
+    CHECK(mode(folder / "old") == wanted);
+  }
+  const mode_t before = ::umask(027);
+  write_file(folder / "new", std::string("1"));
+  ::umask(before);
+  CHECK(mode(folder / "new") == 0640u);
+}
+
+TEST_CASE("a link is followed to the file it names, which may not exist yet", "[safe_file]") {
+  const Folder folder;
+  write_file(folder / "target", std::string("old"));
+  fs::create_symlink("target", folder / "link");
+  fs::create_symlink(folder / "link", folder / "link to link");
+  write_file(folder / "link to link", std::string("new"));
+  CHECK(content(folder / "target") == "new");
+  CHECK(fs::is_symlink(folder / "link"));
+  CHECK(fs::is_symlink(folder / "link to link"));
+  fs::create_symlink("later", folder / "dangling");
+  write_file(folder / "dangling", std::string("here"));
+  CHECK(content(folder / "later") == "here");
+  fs::create_symlink("loop", folder / "loop");
+  CHECK(write_error([&] {
+          write_file(folder / "loop", std::string("x"));
+        }).starts_with(folder / "loop: cannot be written: "));
+}
+
+TEST_CASE("a file that cannot be written is named with the reason, and the old one is as it was", "[safe_file]") {
+  const Folder folder;
+  write_file(folder / "file", std::string("old"));
+  CHECK(write_error([&] { write_file(folder / "file/below", std::string("x")); }) ==
+        folder / "file/below: cannot be written: Not a directory");
+  CHECK(write_error([&] { write_file(folder / "none/below", std::string("x")); }) ==
+        folder / "none/below: cannot be written: No such file or directory");
+  CHECK(write_error([&] { write_file(folder / ".", std::string("x")); }) ==
+        folder / ".: cannot be written: Is a directory");
+  CHECK(write_error([] { write_file("/dev/full", std::string("x")); }) ==
+        "/dev/full: cannot be written: No space left on device");
+  CHECK(write_error([] { write_file("", std::string("x")); }) == "output: cannot be written: the path is empty");
+  CHECK(write_error([&] {
+          write_file(folder / std::string(300, 'n'), std::string("x"));
+        }).ends_with("File name too long"));
+  CHECK(content(folder / "file") == "old");
+  CHECK(folder.count() == 1);
+  write_file("/dev/null", std::string("x"));
+}
+
+TEST_CASE("of several files none is replaced unless all can be", "[safe_file]") {
+  const Folder folder;
+  write_file(folder / "a", std::string("old a"));
+  write_file(folder / "b", std::string("old b"));
+  const Bytes fresh{'n', 'e', 'w'};
+  const auto refused = [&](const std::string& second) {
+    const std::string error = write_error([&] { write_files({{folder / "a", fresh}, {second, fresh}}); });
+    CHECK(content(folder / "a") == "old a");
+    CHECK(folder.count() == 2);
+    return error;
+  };
+  CHECK(refused(folder / "none/b").ends_with("No such file or directory"));
+  CHECK(refused("/dev/full").ends_with("No space left on device"));
+  CHECK(refused(folder / "./a") == folder / "./a: cannot be written: it is written twice");
+  write_files({{folder / "a", fresh}, {folder / "b", fresh}, {folder / "c", fresh}});
+  for (const std::string name : {"a", "b", "c"}) CHECK(content(folder / name) == "new");
+  CHECK(folder.count() == 3);
+  write_files({});
+}
+
+TEST_CASE("a pipe is written directly", "[safe_file]") {
+  const Folder folder;
+  REQUIRE(::mkfifo((folder / "pipe").c_str(), 0600) == 0);
+  std::string received;
+  std::thread reader([&] { received = content(folder / "pipe"); });
+  write_file(folder / "pipe", std::string(200'000, 'p'));
+  reader.join();
+  CHECK(received == std::string(200'000, 'p'));
+}
+
+TEST_CASE("a limit on the size of files leaves the old file and nothing beside it", "[safe_file]") {
+  const Folder folder;
+  write_file(folder / "file", std::string("old"));
+  const auto limited = [&](void (*handler)(int)) {
+    return run_child([&] {
+      std::signal(SIGXFSZ, handler);
+      const rlimit limit{100'000, 100'000};
+      ::setrlimit(RLIMIT_FSIZE, &limit);
+      write_file(folder / "file", Bytes(1'000'000, 1));
+    });
+  };
+  CHECK(limited(SIG_IGN) == 2);
+  CHECK(limited(SIG_DFL) == 1000 + SIGXFSZ);
+  CHECK(content(folder / "file") == "old");
+  CHECK(folder.count() == 1);
+}
+
+TEST_CASE("a signal that ends the program takes its temporary files along", "[safe_file]") {
+  const Folder folder;
+  write_file(folder / "file", std::string("old"));
+  // The second file is a pipe that nobody reads: the first is prepared and waits.
+  REQUIRE(::mkfifo((folder / "pipe").c_str(), 0600) == 0);
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGQUIT}) {
+    const pid_t child = ::fork();
+    if (child == 0) {
+      const rlimit no_core{0, 0};
+      ::setrlimit(RLIMIT_CORE, &no_core);
+      std::signal(signal, SIG_DFL);
+      write_files({{folder / "file", {1, 2, 3}}, {folder / "pipe", {1}}});
+      ::_exit(0);
+    }
+    for (int i = 0; i < 2000 && folder.count() < 3; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    CHECK(folder.count() == 3);
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    ::kill(child, signal);
+    int status = 0;
+    ::waitpid(child, &status, 0);
+    CHECK(WIFSIGNALED(status));
+    CHECK(WTERMSIG(status) == signal);
+    CHECK(content(folder / "file") == "old");
+    CHECK(folder.count() == 2);
+  }
+}
+
+TEST_CASE("signal handling is as it was after a file is written", "[safe_file]") {
+  const Folder folder;
+  std::signal(SIGHUP, SIG_IGN);
+  write_file(folder / "file", std::string("x"));
+  CHECK(std::signal(SIGHUP, SIG_DFL) == SIG_IGN);
+  write_file(folder / "file", std::string("x"));
+  CHECK(std::signal(SIGHUP, SIG_DFL) == SIG_DFL);
+}
+
+TEST_CASE("many writers at once leave one whole file", "[safe_file]") {
+  const Folder folder;
+  std::vector<std::thread> writers;
+  for (char c = 'a'; c < 'i'; ++c) {
+    writers.emplace_back([&folder, c] {
+      for (int i = 0; i < 5; ++i) write_file(folder / "file", std::string(100'000, c));
+    });
+  }
+  for (std::thread& writer : writers) writer.join();
+  const std::string written = content(folder / "file");
+  CHECK(written == std::string(100'000, written.at(0)));
+  CHECK(folder.count() == 1);
+}
+
+TEST_CASE("closed standard descriptors are opened on nothing", "[safe_file]") {
+  const int status = run_child([] {
+    for (const int number : {0, 1, 2}) ::close(number);
+    glyphs::secure_standard_descriptors();
+    for (const int number : {0, 1, 2}) {
+      if (::fcntl(number, F_GETFD) == -1) ::_exit(3);
+    }
+    if (::open("/dev/null", O_RDONLY) < 3) ::_exit(4);
+  });
+  CHECK(status == 0);
+}
