@@ -1,0 +1,196 @@
+#include "glyphs/inspect.h"
+
+#include <algorithm>
+#include <array>
+#include <nlohmann/json.hpp>
+
+#include "fontcore/measure.h"
+#include "fontcore/outline_curve.h"
+#include "glyphs/error.h"
+
+namespace glyphs {
+
+namespace {
+
+using fontcore::BezierContour;
+using Json = nlohmann::ordered_json;
+
+/// Contours of one glyph that are modelled: more than any drawn glyph has, few enough for a composite made to exhaust
+/// us.
+constexpr std::size_t most_models = 2048;
+
+/// Names in broken fonts need not be UTF-8.
+std::string line_of(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
+
+const Glyph& glyph_of(const Font& font, int glyph) {
+  if (glyph < 0 || glyph >= static_cast<int>(font.glyphs.size()))
+    throw RequestError(fontcore::text(font.path, ": there is no glyph gid:", glyph));
+  return font.glyphs[static_cast<std::size_t>(glyph)];
+}
+
+/// The composed outline; what is wrong with it goes to `Facts::trouble`, without the file's name that every line of
+/// output would repeat.
+template <typename Facts>
+std::vector<BezierContour> outline_for(const Font& font, int glyph, Facts& facts) {
+  facts.glyph = glyph;
+  facts.name = glyph_of(font, glyph).name;
+  try {
+    return compose(font, glyph);
+  } catch (const FontReadError& error) {
+    facts.trouble = error.what();
+    const std::string file = font.path + ": ";
+    if (facts.trouble.starts_with(file)) facts.trouble.erase(0, file.size());
+    return {};
+  }
+}
+
+ContourFacts facts_of(const BezierContour& contour, Detail detail, int units_per_em) {
+  ContourFacts facts;
+  facts.area = fontcore::signed_area(contour);
+  if (detail == Detail::Area) return facts;
+  facts.points = static_cast<int>(std::count_if(contour.kinds().begin(), contour.kinds().end(),
+                                                [](auto kind) { return kind != fontcore::PointKind::ImpliedNode; }));
+  facts.segments = contour.segment_count();
+  facts.length = fontcore::length(contour);
+  try {
+    const fontcore::OutlineCurve curve(contour, {.tolerance = 0.25 * units_per_em / 1000.0});
+    facts.corners = static_cast<int>(curve.corner_pairs().size());
+    facts.control_points = curve.size();
+    facts.levels = curve.levels();
+    facts.distance = curve.distance();
+  } catch (const fontcore::InvalidInput& error) {
+    facts.no_model = error.what();
+  }
+  return facts;
+}
+
+std::string place(const fontcore::Point& where) { return fontcore::text("(", where.x(), ", ", where.y(), ")"); }
+
+}  // namespace
+
+std::vector<GlyphFacts> inspect(const Font& font, const std::vector<int>& glyphs, Detail detail,
+                                const JobOptions& options) {
+  std::vector<GlyphFacts> all(glyphs.size());
+  run_jobs(static_cast<int>(glyphs.size()), options, [&](int i) {
+    const auto at = static_cast<std::size_t>(i);
+    GlyphFacts& facts = all[at];
+    const std::vector<BezierContour> contours = outline_for(font, glyphs[at], facts);
+    facts.area = fontcore::signed_area(contours);
+    for (const BezierContour& contour : contours) {
+      const bool in_budget = facts.contours.size() < most_models;
+      facts.contours.push_back(facts_of(contour, in_budget ? detail : Detail::Area, font.units_per_em));
+      if (!in_budget)
+        facts.contours.back().no_model = fontcore::text("beyond the first ", most_models, " contours of the glyph");
+    }
+  });
+  return all;
+}
+
+std::string facts_json(const Font& font, const std::vector<GlyphFacts>& facts, Detail detail) {
+  std::string text = fontcore::text("{\"version\":1,\"unitsPerEm\":", font.units_per_em, ",\"glyphs\":[");
+  const char* separator = "\n";
+  for (const GlyphFacts& glyph : facts) {
+    Json json{{"name", glyph.name}, {"area", glyph.area}};
+    if (!glyph.trouble.empty()) json = {{"name", glyph.name}, {"area", nullptr}, {"trouble", glyph.trouble}};
+    if (detail == Detail::Models) {
+      json["gid"] = glyph.glyph;
+      json["contours"] = Json::array();
+      for (const ContourFacts& contour : glyph.contours) {
+        Json one{{"points", contour.points},
+                 {"segments", contour.segments},
+                 {"area", contour.area},
+                 {"length", contour.length}};
+        if (contour.no_model.empty()) {
+          one["corners"] = contour.corners;
+          one["controlPoints"] = contour.control_points;
+          one["levels"] = contour.levels;
+          one["distance"] = contour.distance;
+        } else {
+          one["noModel"] = contour.no_model;
+        }
+        json["contours"].push_back(std::move(one));
+      }
+    }
+    text += separator + line_of(json);
+    separator = ",\n";
+  }
+  return text + "\n]}\n";
+}
+
+std::vector<GlyphCrossings> check_crossings(const Font& font, const std::vector<int>& glyphs,
+                                            const JobOptions& options) {
+  std::vector<GlyphCrossings> all(glyphs.size());
+  run_jobs(static_cast<int>(glyphs.size()), options, [&](int i) {
+    const auto at = static_cast<std::size_t>(i);
+    const std::vector<BezierContour> contours = outline_for(font, glyphs[at], all[at]);
+    try {
+      all[at].crossings = fontcore::find_crossings(contours);
+    } catch (const fontcore::WorkLimitExceeded& error) {
+      all[at].trouble = error.what();
+    }
+  });
+  return all;
+}
+
+std::string describe(const GlyphCrossings& in, const fontcore::Crossing& crossing) {
+  constexpr std::array<const char*, 3> verbs{"crosses", "touches", "runs along"};
+  const char* verb = verbs[static_cast<std::size_t>(crossing.meeting)];
+  const std::string other =
+      crossing.a.contour == crossing.b.contour ? "itself" : fontcore::text("contour ", crossing.b.contour);
+  return fontcore::text(in.name, ": contour ", crossing.a.contour, " ", verb, " ", other, " at ",
+                        place(crossing.where));
+}
+
+std::string crossings_json(const Font& font, const std::vector<GlyphCrossings>& found) {
+  struct Check {
+    const char* key;
+    const char* description;
+    const char* rationale;
+    bool within;
+  };
+  constexpr std::array<Check, 2> checks{
+      Check{"glyphwave/contour_crosses_itself", "No contour meets itself.",
+            "A contour that crosses or touches itself is filled differently by different programs and breaks hinting, "
+            "interpolation and offsetting.",
+            true},
+      Check{"glyphwave/contours_cross", "No two contours of a glyph meet.",
+            "Overlapping contours are drawn with gaps or seams where a program does not fill by the non-zero rule.",
+            false}};
+  constexpr std::array<const char*, 3> statuses{"ERROR", "FAIL", "PASS"};  // worst first
+  const auto is_worse = [&](const std::string& a, const std::string& b) {
+    return std::find(statuses.begin(), statuses.end(), a) < std::find(statuses.begin(), statuses.end(), b);
+  };
+
+  Json counts = Json::object();
+  for (const char* status : statuses) counts[status] = 0;
+  std::string worst = "PASS";
+  Json listed = Json::array();
+  for (const Check& check : checks) {
+    Json logs = Json::array();
+    std::string result = "PASS";
+    const auto log = [&](const std::string& status, const std::string& message) {
+      logs.push_back({{"status", status}, {"message", message}});
+      if (is_worse(status, result)) result = status;
+    };
+    for (const GlyphCrossings& glyph : found) {
+      // A glyph that cannot be read is said once.
+      if (check.within && !glyph.trouble.empty()) log("ERROR", glyph.name + ": " + glyph.trouble);
+      for (const fontcore::Crossing& crossing : glyph.crossings)
+        if ((crossing.a.contour == crossing.b.contour) == check.within) log("FAIL", describe(glyph, crossing));
+    }
+    counts[result] = counts[result].get<int>() + 1;
+    if (is_worse(result, worst)) worst = result;
+    listed.push_back({{"key", check.key},
+                      {"description", check.description},
+                      {"rationale", check.rationale},
+                      {"severity", nullptr},
+                      {"result", result},
+                      {"filename", font.path},
+                      {"logs", std::move(logs)}});
+  }
+  const Json json{{"result", counts},
+                  {"sections", Json::array({{{"key", "Outlines"}, {"result", worst}, {"checks", std::move(listed)}}})}};
+  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace glyphs

@@ -1,0 +1,287 @@
+#include "glyphs/recipe.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "glyphs/error.h"
+#include "glyphs/freetype_loader.h"
+
+namespace glyphs {
+
+namespace {
+
+using fontcore::Point;
+using fontcore::text;
+using Json = nlohmann::ordered_json;
+
+// One object of the recipe, read key by key; what is left unread at the end is unknown and refused.
+class ObjectReader {
+ public:
+  ObjectReader(const Json& object, std::string path) : object_(object), path_(std::move(path)) {
+    if (!object.is_object()) fail("", "must be an object");
+  }
+
+  [[noreturn]] void fail(const std::string& key, const std::string& why) const {
+    throw RequestError(where(key) + ": " + why);
+  }
+  std::string where(const std::string& key) const {
+    return key.empty() ? path_ : path_.empty() ? key : path_ + "." + key;
+  }
+  bool has(const std::string& key) const { return object_.contains(key); }
+
+  const Json& take(const std::string& key) {
+    if (!has(key)) fail(key, "is missing");
+    taken_.insert(key);
+    return object_.at(key);
+  }
+  std::string take_text(const std::string& key, const std::string& otherwise) {
+    if (!has(key)) return otherwise;
+    const Json& value = take(key);
+    if (!value.is_string()) fail(key, "must be a string");
+    return value.get<std::string>();
+  }
+  bool take_flag(const std::string& key, bool otherwise) {
+    if (!has(key)) return otherwise;
+    const Json& value = take(key);
+    if (!value.is_boolean()) fail(key, "must be true or false");
+    return value.get<bool>();
+  }
+  double take_number(const std::string& key) {
+    const Json& value = take(key);
+    if (!value.is_number()) fail(key, "must be a number");
+    return value.get<double>();
+  }
+  Point take_point(const std::string& key) {
+    const Json& value = take(key);
+    if (!value.is_array() || value.size() != 2 || !value[0].is_number() || !value[1].is_number())
+      fail(key, "must be two numbers, [x, y]");
+    return {value[0].get<double>(), value[1].get<double>()};
+  }
+  std::string take_choice(const std::string& key, const std::vector<std::string>& choices,
+                          const std::string& otherwise) {
+    const std::string value = take_text(key, otherwise);
+    if (std::find(choices.begin(), choices.end(), value) != choices.end()) return value;
+    std::string list;
+    for (const std::string& choice : choices) list += (list.empty() ? "\"" : ", \"") + choice + "\"";
+    fail(key, "\"" + value + "\" is not one of " + list);
+  }
+  void finish() const {
+    for (const auto& [key, value] : object_.items()) {
+      if (!taken_.contains(key)) fail(key, "unknown key");
+    }
+  }
+
+ private:
+  const Json& object_;
+  std::string path_;
+  std::set<std::string> taken_;
+};
+
+constexpr const char* later = "is not in this version of glyphwave";
+
+Step read_step(const Json& json, const std::string& path) {
+  ObjectReader reader(json, path);
+  const std::string op = reader.take_choice("op", {"sweep", "smooth", "equalize", "character", "weight"}, "");
+  if (op != "sweep") reader.fail("op", "\"" + op + "\" " + later);
+  SweepStep step;
+  step.glyph = reader.take_text("glyph", "");
+  if (reader.has("contour")) {
+    const Json& contour = reader.take("contour");
+    if (!contour.is_number_integer() || contour.get<std::int64_t>() < 0 || contour.get<std::int64_t>() > 65535) {
+      reader.fail("contour", "must be a whole number from 0");
+    }
+    step.contour = contour.get<int>();
+  }
+  step.near = reader.take_point("near");
+  step.move = reader.take_point("move");
+  step.breadth = reader.take_number("breadth");
+  if (!(step.breadth > 0.0)) reader.fail("breadth", "must be positive");
+  reader.finish();
+  return step;
+}
+
+Keep read_keep(const Json& json) {
+  ObjectReader reader(json, "keep");
+  Keep keep;
+  keep.corners = reader.take_flag("corners", true);
+  keep.lines = reader.take_flag("lines", true);
+  keep.smooth_joins = reader.take_flag("smooth_joins", true);
+  keep.extrema = reader.take_flag("extrema", true);
+  if (reader.has("zones")) {
+    const Json& zones = reader.take("zones");
+    keep.zones_auto = zones == "auto" || zones == true;
+    if (zones.is_array()) {
+      for (const Json& height : zones) {
+        if (!height.is_number()) reader.fail("zones", "heights must be numbers");
+        keep.zones.push_back(height.get<double>());
+      }
+    } else if (!keep.zones_auto && zones != false) {
+      reader.fail("zones", "must be \"auto\", false or a list of heights");
+    }
+  }
+  const std::string area = reader.take_choice("area", {"glyph", "contour", "none"}, "glyph");
+  keep.area = area == "glyph" ? KeepArea::Glyph : area == "contour" ? KeepArea::Contour : KeepArea::None;
+  if (reader.take_flag("length", false)) reader.fail("length", later);
+  if (reader.has("freeze")) {
+    const Json& freeze = reader.take("freeze");
+    if (!freeze.is_array()) reader.fail("freeze", "must be a list");
+    if (!freeze.empty()) reader.fail("freeze", later);
+  }
+  reader.finish();
+  return keep;
+}
+
+// JSON as RFC 8259 has it; a key given twice is refused, since only one of the two could be honoured.
+Json parse_json(const std::string& json) {
+  std::vector<std::set<std::string>> open;
+  const auto watch = [&](int, Json::parse_event_t event, Json& value) {
+    if (event == Json::parse_event_t::object_start) open.emplace_back();
+    if (event == Json::parse_event_t::object_end) open.pop_back();
+    if (event == Json::parse_event_t::key && !open.back().insert(value.get<std::string>()).second) {
+      throw RequestError(value.get<std::string>() + ": given twice");
+    }
+    return true;
+  };
+  try {
+    return Json::parse(json, watch);
+  } catch (const nlohmann::json::parse_error& error) {
+    const auto upto = json.begin() + static_cast<std::ptrdiff_t>(std::min(error.byte, json.size()));
+    throw RequestError(text("not JSON: error near line ", 1 + std::count(json.begin(), upto, '\n')));
+  }
+}
+
+Recipe read_recipe(const std::string& json) {
+  const Json root = parse_json(json);
+  ObjectReader reader(root, "");
+  if (!root.is_object()) reader.fail("", "a recipe is an object");
+  Recipe recipe;
+  recipe.lengths_in_thousandths = reader.take_choice("unit", {"unit", "em/1000"}, "unit") == "em/1000";
+  recipe.glyphs = reader.take_text("glyphs", "");
+  const Json& steps = reader.take("steps");
+  if (!steps.is_array()) reader.fail("steps", "must be a list");
+  for (std::size_t k = 0; k < steps.size(); ++k) recipe.steps.push_back(read_step(steps[k], text("steps[", k, "]")));
+  if (reader.has("keep")) recipe.keep = read_keep(reader.take("keep"));
+  if (reader.has("emit")) {
+    ObjectReader emit(reader.take("emit"), "emit");
+    if (emit.take_choice("mode", {"structure", "compact"}, "structure") != "structure")
+      emit.fail("mode", std::string("\"compact\" ") + later);
+    if (emit.has("tolerance")) recipe.tolerance = emit.take_number("tolerance");
+    if (!(recipe.tolerance > 0.0)) emit.fail("tolerance", "must be positive");
+    emit.finish();
+  }
+  const std::string crossing = reader.take_choice("on_crossing", {"reduce", "refuse", "allow"}, "reduce");
+  recipe.on_crossing = crossing == "reduce"   ? OnCrossing::Reduce
+                       : crossing == "refuse" ? OnCrossing::Refuse
+                                              : OnCrossing::Allow;
+  if (reader.has("seed")) {
+    const Json& seed = reader.take("seed");
+    if (!seed.is_number_unsigned()) reader.fail("seed", "must be a whole number from 0");
+    recipe.seed = seed.get<std::uint64_t>();
+  }
+  reader.finish();
+  return recipe;
+}
+
+}  // namespace
+
+Recipe parse_recipe(const std::string& json, const std::string& name) {
+  try {
+    return read_recipe(json);
+  } catch (const RequestError& error) {
+    throw RequestError(name + ": " + error.what());
+  }
+}
+
+Recipe load_recipe(const std::string& path) {
+  Bytes bytes;
+  try {
+    bytes = read_file(path);
+  } catch (const FontReadError& error) {
+    throw RequestError(error.what());
+  }
+  return parse_recipe({bytes.begin(), bytes.end()}, path);
+}
+
+namespace {
+
+char32_t read_code_point(const std::string& digits, const std::string& item) {
+  std::uint32_t code = 0;
+  const auto [end, status] = std::from_chars(digits.data(), digits.data() + digits.size(), code, 16);
+  if (digits.empty() || status != std::errc() || end != digits.data() + digits.size() || code > 0x10FFFF) {
+    throw RequestError("\"" + item + "\" is no code point");
+  }
+  return code;
+}
+
+void select_item(const Font& font, const std::string& item, std::set<int>& selected) {
+  if (item.starts_with("gid:")) {
+    int id = -1;
+    const auto [end, status] = std::from_chars(item.data() + 4, item.data() + item.size(), id);
+    if (status != std::errc() || end != item.data() + item.size() || id < 0 ||
+        id >= static_cast<int>(font.glyphs.size())) {
+      throw RequestError(
+          text(font.path, ": no glyph \"", item, "\": ids go from 0 to ", static_cast<long>(font.glyphs.size()) - 1));
+    }
+    selected.insert(id);
+  } else if (item.starts_with("U+") || item.starts_with("u+")) {
+    const auto dash = item.find('-');
+    const char32_t first = read_code_point(item.substr(2, dash == std::string::npos ? dash : dash - 2), item);
+    std::string rest = dash == std::string::npos ? item.substr(2) : item.substr(dash + 1);
+    if (rest.starts_with("U+") || rest.starts_with("u+")) rest = rest.substr(2);
+    const char32_t last = read_code_point(rest, item);
+    if (last < first) throw RequestError("\"" + item + "\" is an empty range");
+    const auto begin = font.character_map.lower_bound(first);
+    const auto end = font.character_map.upper_bound(last);
+    if (begin == end) throw RequestError(font.path + ": no glyph for \"" + item + "\"");
+    for (auto it = begin; it != end; ++it) selected.insert(it->second);
+  } else {
+    const int id = font.find(item);
+    if (id < 0) throw RequestError(font.path + ": no glyph named \"" + item + "\"");
+    selected.insert(id);
+  }
+}
+
+void select_list(const Font& font, const std::string& selection, bool files_allowed, std::set<int>& selected) {
+  constexpr const char* white = " \t\r\n";
+  std::size_t from = 0;
+  while (from <= selection.size()) {
+    const std::size_t comma = std::min(selection.find_first_of(",\n", from), selection.size());
+    std::string item = selection.substr(from, comma - from);
+    from = comma + 1;
+    item.erase(0, std::min(item.find_first_not_of(white), item.size()));
+    item.erase(item.find_last_not_of(white) + 1);
+    if (item.empty()) continue;
+    if (item[0] == '@' && item.size() > 1) {
+      if (!files_allowed) throw RequestError("\"" + item + "\": a list within a list");
+      Bytes bytes;
+      try {
+        bytes = read_file(item.substr(1));
+      } catch (const FontReadError& error) {
+        throw RequestError(error.what());
+      }
+      select_list(font, {bytes.begin(), bytes.end()}, false, selected);
+    } else {
+      select_item(font, item, selected);
+    }
+  }
+}
+
+}  // namespace
+
+std::vector<int> select_glyphs(const Font& font, const std::string& selection) {
+  std::set<int> selected;
+  if (selection.empty()) {
+    for (const Glyph& glyph : font.glyphs) {
+      if (font.has_outline(glyph.id)) selected.insert(glyph.id);
+    }
+  } else {
+    select_list(font, selection, true, selected);
+    if (selected.empty()) throw RequestError("\"" + selection + "\" selects no glyph");
+  }
+  return {selected.begin(), selected.end()};
+}
+
+}  // namespace glyphs

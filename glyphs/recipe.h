@@ -1,0 +1,64 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "fontcore/contour.h"
+#include "glyphs/font.h"
+
+namespace glyphs {
+
+/// Moves the broad shape near a place; detail rides along. [FS94] editing the sweep.
+struct SweepStep {
+  std::string glyph;           ///< name or code point; empty: every selected glyph
+  std::optional<int> contour;  ///< which contour; none: the one nearest to `near`
+  fontcore::Point near{0, 0};  ///< the nearest point of the outline is the handle, font units
+  fontcore::Point move{0, 0};  ///< where the handle is to go, font units
+  double breadth = 0.0;        ///< length of outline that the edit moves, font units
+};
+
+using Step = std::variant<SweepStep>;
+
+enum class KeepArea { Glyph, Contour, None };
+enum class OnCrossing { Reduce, Refuse, Allow };
+
+/// What must hold while steps are applied.
+struct Keep {
+  bool corners = true;
+  bool lines = true;
+  bool smooth_joins = true;
+  bool extrema = true;
+  bool zones_auto = true;     ///< the glyph's own lowest and highest nodes stay at their height
+  std::vector<double> zones;  ///< heights given by the recipe instead
+  KeepArea area = KeepArea::Glyph;
+};
+
+/// A recipe as a value: which glyphs, which steps, what holds, how it is emitted.
+struct Recipe {
+  std::string glyphs;  ///< a selection as `select_glyphs` reads it; empty: all glyphs with outlines
+  std::vector<Step> steps;
+  Keep keep;
+  double tolerance = 0.5;  ///< deviation of the emitted outline from the wished one that is remarked on, font units
+  OnCrossing on_crossing = OnCrossing::Reduce;
+  bool lengths_in_thousandths = false;  ///< lengths are em/1000, not font units
+  std::uint64_t seed = 0;
+};
+
+/// Reads a recipe. Keys, types and what this version can do are checked; nothing is ignored.
+///
+/// Throws  RequestError, one line: `NAME: KEY: why` for JSON that does not parse, an unknown or repeated key, a value
+/// of the wrong type,
+///         an operation or a rule this version cannot honour.
+Recipe parse_recipe(const std::string& json, const std::string& name);
+/// Reads the file and parses it.
+Recipe load_recipe(const std::string& path);
+
+/// The glyph ids a selection names, sorted, each once: names (`a`, `f_f_i`), code points and ranges (`U+0041-005A`),
+/// `gid:12`, `@file` (one selection a line), comma separated. Empty: all glyphs with outlines.
+///
+/// Throws  RequestError naming what is unknown. A range may have gaps, but must find something.
+std::vector<int> select_glyphs(const Font& font, const std::string& selection);
+
+}  // namespace glyphs

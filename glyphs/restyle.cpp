@@ -1,0 +1,442 @@
+#include "glyphs/restyle.h"
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "fontcore/crossing.h"
+#include "fontcore/edit.h"
+#include "fontcore/fit.h"
+#include "fontcore/measure.h"
+#include "glyphs/error.h"
+
+namespace glyphs {
+
+namespace {
+
+using fontcore::BezierContour;
+using fontcore::Point;
+using fontcore::text;
+using Contours = std::vector<BezierContour>;
+
+constexpr double model_tolerance = 0.25e-3;  // of the em
+constexpr double bisection_width = 0.01;     // of the amount
+constexpr double worth_a_note = 5e-4;        // area error after rounding, relative
+
+// A step of the recipe as it applies to one glyph, in font units.
+struct PlacedStep {
+  SweepStep step;
+  int contour = 0;
+};
+
+// Why a glyph stays as it was.
+struct Refusal {
+  std::string reason;
+};
+
+// The whole flow at one amount.
+struct Attempt {
+  Contours unrounded;
+  Contours rounded;
+  std::vector<StepReport> steps;
+};
+
+class GlyphEditor {
+ public:
+  GlyphEditor(const Font& font, const Glyph& glyph, const Recipe& recipe)
+      : font_(font),
+        original_(glyph.contours),
+        drawn_at_(glyph.origin, 0.0),
+        recipe_(recipe),
+        curves_(original_.size()) {
+    const double unit = recipe.lengths_in_thousandths ? font.units_per_em / 1000.0 : 1.0;
+    for (const Step& any : recipe.steps) {
+      PlacedStep placed{std::get<SweepStep>(any), 0};
+      SweepStep& step = placed.step;
+      if (!step.glyph.empty() && select_glyphs(font, step.glyph) != std::vector<int>{glyph.id}) continue;
+      if (step.move == Point::Zero()) continue;
+      step.near = step.near * unit + drawn_at_;
+      step.move *= unit;
+      step.breadth *= unit;
+      placed.contour = contour_of(step);
+      steps_.push_back(std::move(placed));
+    }
+    rules_.lines = recipe.keep.lines;
+    rules_.smooth_joins = recipe.keep.smooth_joins;
+    rules_.extrema = recipe.keep.extrema;
+    for (const double height : recipe.keep.zones) rules_.zones.push_back(height * unit);
+    if (recipe.keep.zones_auto) {
+      double low = std::numeric_limits<double>::infinity();
+      double high = -low;
+      for (const BezierContour& contour : original_) {
+        for (int s = 0; s < contour.segment_count(); ++s) {
+          low = std::min(low, contour.point(contour.node(s)).y());
+          high = std::max(high, contour.point(contour.node(s)).y());
+        }
+      }
+      rules_.zones = {low, high};
+    }
+  }
+
+  bool has_work() const { return !steps_.empty(); }
+
+  Attempt attempt(double amount) {
+    Attempt result;
+    result.unrounded = original_;
+    std::vector<std::optional<fontcore::OutlineCurve::Location>> handle(original_.size());
+    for (const PlacedStep& placed : steps_) {
+      const auto k = static_cast<std::size_t>(placed.contour);
+      result.steps.push_back(apply(placed, amount, result.unrounded, handle[k]));
+    }
+    result.rounded = rounded(result, handle);
+    return result;
+  }
+
+ private:
+  int contour_of(const SweepStep& step) const {
+    const int count = static_cast<int>(original_.size());
+    if (step.contour) {
+      if (*step.contour >= count) throw Refusal{text("there is no contour ", *step.contour, ": it has ", count)};
+      return *step.contour;
+    }
+    int best = 0;
+    double nearest = std::numeric_limits<double>::infinity();
+    for (int c = 0; c < count; ++c) {
+      const double distance = fontcore::nearest_point(original_[static_cast<std::size_t>(c)], step.near).distance;
+      if (distance < nearest) {
+        nearest = distance;
+        best = c;
+      }
+    }
+    return best;
+  }
+
+  // The model of a contour; of one that no step has touched yet it is made once for all amounts.
+  fontcore::OutlineCurve curve_of(int index, const BezierContour& contour) {
+    auto& known = curves_[static_cast<std::size_t>(index)];
+    if (known && contour == known->contour()) return *known;
+    try {
+      fontcore::OutlineCurve curve(contour, {.tolerance = model_tolerance * font_.units_per_em});
+      if (!known) known = curve;
+      return curve;
+    } catch (const fontcore::InvalidInput& error) {
+      throw Refusal{text("contour ", index, ": ", error.what())};
+    }
+  }
+
+  StepReport apply(const PlacedStep& placed, double amount, Contours& contours,
+                   std::optional<fontcore::OutlineCurve::Location>& handle) {
+    const SweepStep& step = placed.step;
+    BezierContour& contour = contours[static_cast<std::size_t>(placed.contour)];
+    const fontcore::OutlineCurve curve = curve_of(placed.contour, contour);
+    const auto [segment, u, distance] = fontcore::nearest_point(contour, step.near);
+    const fontcore::Sweep sweep = fontcore::sweep(curve, curve.parameter(segment, u), amount * step.move, step.breadth);
+
+    fontcore::StructureEdit edit;
+    edit.field = recipe_.keep.corners ? respect_corners(curve, sweep.field) : sweep.field;
+    edit.handle = fontcore::OutlineCurve::Location{segment, u};
+    edit.move = amount * step.move;
+    edit.breadth = step.breadth;
+    edit.rules = rules_;
+    // Every step gives its own area back, so glyph and contour ask the same of it; they differ in rounding.
+    if (recipe_.keep.area != KeepArea::None)
+      edit.area = signed_area(original_[static_cast<std::size_t>(placed.contour)]);
+    fontcore::StructureFit fit = fontcore::refit_structure(curve, edit);
+    if (!fit.report.failed.empty()) throw Refusal{text("contour ", placed.contour, ": ", fit.report.failed)};
+
+    StepReport report;
+    report.op = "sweep";
+    report.contour = placed.contour;
+    report.handle = evaluate(contour.segment(segment), u) - drawn_at_;
+    report.asked = step.move;
+    report.got = fit.got;
+    report.level = sweep.level;
+    report.levels = curve.levels();
+    report.against = std::move(fit.against);
+    report.off_wish = fit.off_wish;
+    contour = std::move(fit.contour);
+    // A handle the rules did not hold back must not be lost to rounding.
+    if (report.against.empty()) handle = edit.handle;
+    return report;
+  }
+
+  Contours rounded(Attempt& attempt,
+                   const std::vector<std::optional<fontcore::OutlineCurve::Location>>& handles) const {
+    const Contours& solved = attempt.unrounded;
+    Contours result = original_;
+    const double total = signed_area(original_);
+    for (std::size_t k = 0; k < solved.size(); ++k) {
+      if (solved[k] == original_[k]) continue;
+      fontcore::RoundingGoal goal{signed_area(solved[k]), std::abs(total), handles[k]};
+      if (recipe_.keep.area == KeepArea::Glyph) {  // what the contours before lost to rounding is made good here
+        for (std::size_t other = 0; other < k; ++other)
+          goal.area += signed_area(solved[other]) - signed_area(result[other]);
+      }
+      fontcore::Rounding rounding = round_keeping_area(solved[k], original_[k], rules_, goal);
+      result[k] = std::move(rounding.contour);
+      if (rounding.handle_error > 1.0) {
+        const auto last = std::find_if(attempt.steps.rbegin(), attempt.steps.rend(),
+                                       [&](const StepReport& step) { return step.contour == static_cast<int>(k); });
+        last->against.push_back(text("area in whole numbers: the handle ends ", rounding.handle_error, " units off"));
+      }
+      const fontcore::Box box = control_box(result[k]);
+      if (box.low.minCoeff() < -32768.0 || box.high.maxCoeff() > 32767.0) {
+        throw Refusal{text("contour ", k, ": a coordinate leaves the range -32768 to 32767")};
+      }
+    }
+    return result;
+  }
+
+  const Font& font_;
+  const Contours& original_;
+  const Point drawn_at_;  // the place in stored coordinates that a recipe calls the origin
+  const Recipe& recipe_;
+  std::vector<PlacedStep> steps_;
+  fontcore::OutlineRules rules_;
+  std::vector<std::optional<fontcore::OutlineCurve>> curves_;
+};
+
+std::vector<fontcore::Crossing> crossings_of(const Contours& contours) {
+  try {
+    return find_crossings(contours);
+  } catch (const fontcore::WorkLimitExceeded& error) {
+    throw Refusal{error.what()};
+  }
+}
+
+int segment_count(const Contours& contours) {
+  int count = 0;
+  for (const BezierContour& contour : contours) count += contour.segment_count();
+  return count;
+}
+
+int kept_segments(const Contours& before, const Contours& after) {
+  int kept = 0;
+  for (std::size_t k = 0; k < before.size(); ++k) {
+    for (int s = 0; s < before[k].segment_count(); ++s) {
+      const fontcore::Bezier a = before[k].segment(s);
+      const fontcore::Bezier b = after[k].segment(s);
+      kept += std::equal(a.p.begin(), a.p.begin() + a.degree + 1, b.p.begin()) ? 1 : 0;
+    }
+  }
+  return kept;
+}
+
+double largest_displacement(const Contours& before, const Contours& after) {
+  double largest = 0.0;
+  for (std::size_t k = 0; k < before.size(); ++k) {
+    largest = std::max(largest, (after[k].points() - before[k].points()).rowwise().norm().maxCoeff());
+  }
+  return largest;
+}
+
+double emission_deviation(const Contours& solved, const Contours& emitted, double step) {
+  double deviation = 0.0;
+  for (std::size_t k = 0; k < solved.size(); ++k) {
+    if (solved[k] == emitted[k]) continue;
+    deviation =
+        std::max(deviation, fontcore::two_sided_distance(to_polyline(solved[k], step), to_polyline(emitted[k], step)));
+  }
+  return deviation;
+}
+
+std::string parts_of(const Font& font, const Glyph& glyph) {
+  std::vector<std::string> names;
+  for (const Component& part : glyph.components) {
+    const std::string& name = font.glyphs[static_cast<std::size_t>(part.glyph)].name;
+    if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
+  }
+  std::string list;
+  for (const std::string& name : names) list += (list.empty() ? "" : ", ") + name;
+  return list;
+}
+
+}  // namespace
+
+GlyphResult restyle_glyph(const Font& font, int id, const Recipe& recipe) {
+  const Glyph& glyph = font.glyphs.at(static_cast<std::size_t>(id));
+  GlyphResult result{glyph.contours, glyph.contours, {}};
+  GlyphReport& report = result.report;
+  report.glyph = id;
+  report.name = glyph.name;
+  report.segments_before = report.segments_after = report.segments_kept = segment_count(glyph.contours);
+  report.area_before = report.area_target = report.area_unrounded = report.area_after = signed_area(glyph.contours);
+  try {
+    if (!glyph.trouble.empty()) throw Refusal{glyph.trouble};
+    if (glyph.is_composite()) throw Refusal{"it is a composite; edit its parts: " + parts_of(font, glyph)};
+    GlyphEditor editor(font, glyph, recipe);
+    if (!editor.has_work() || glyph.contours.empty()) return result;
+
+    const auto before = crossings_of(glyph.contours);
+    report.crossings_before = report.crossings_after = static_cast<int>(before.size());
+    const auto added = [&](const Attempt& attempt) { return added_crossings(before, crossings_of(attempt.rounded)); };
+    Attempt best = editor.attempt(1.0);
+    if (recipe.on_crossing != OnCrossing::Allow && added(best) > 0) {
+      if (recipe.on_crossing == OnCrossing::Refuse) throw Refusal{text("crossings that the edit adds: ", added(best))};
+      report.amount = 0.0;
+      best = Attempt{glyph.contours, glyph.contours, best.steps};
+      for (StepReport& step : best.steps) step.got = Point::Zero();
+      for (double unsafe = 1.0; unsafe - report.amount > bisection_width;) {
+        const double amount = 0.5 * (report.amount + unsafe);
+        Attempt tried = editor.attempt(amount);
+        if (added(tried) > 0) {
+          unsafe = amount;
+        } else {
+          report.amount = amount;
+          best = std::move(tried);
+        }
+      }
+      for (StepReport& step : best.steps) step.against.push_back("a crossing: the amount is reduced");
+      report.notes.push_back(text("reduced to ", report.amount, " of the move: more would add a crossing"));
+    }
+    result.contours = std::move(best.rounded);
+    result.unrounded = std::move(best.unrounded);
+    report.steps = std::move(best.steps);
+    report.changed = result.contours != glyph.contours;
+    report.crossings_after = static_cast<int>(crossings_of(result.contours).size());
+  } catch (const Refusal& refusal) {
+    report.refused = refusal.reason;
+    report.amount = 0.0;
+    return result;
+  }
+  report.area_unrounded = signed_area(result.unrounded);
+  report.area_after = signed_area(result.contours);
+  if (recipe.keep.area == KeepArea::None) report.area_target = report.area_unrounded;
+  report.largest_displacement = largest_displacement(glyph.contours, result.contours);
+  report.segments_kept = kept_segments(glyph.contours, result.contours);
+  report.deviation = emission_deviation(result.unrounded, result.contours, 1e-3 * font.units_per_em);
+  if (report.deviation > recipe.tolerance) {
+    report.notes.push_back(
+        text("rounding moved the outline by ", report.deviation, " units, over the tolerance of ", recipe.tolerance));
+  }
+  const double area_error = std::abs(report.area_after - report.area_target);
+  if (area_error > worth_a_note * std::abs(report.area_target)) {
+    report.notes.push_back(
+        text("no whole-number outline near this one is nearer to the area than ", area_error, " square units"));
+  }
+  return result;
+}
+
+int RestyleResult::changed() const {
+  return static_cast<int>(std::count_if(glyphs.begin(), glyphs.end(), [](const GlyphReport& g) { return g.changed; }));
+}
+
+int RestyleResult::refused() const {
+  return static_cast<int>(
+      std::count_if(glyphs.begin(), glyphs.end(), [](const GlyphReport& g) { return !g.refused.empty(); }));
+}
+
+namespace {
+
+// A step that names a glyph must find it, and its contour, among the selected ones: anything else is a slip of the
+// recipe.
+void check_steps(const Font& font, const Recipe& recipe, const std::vector<int>& selected) {
+  for (std::size_t k = 0; k < recipe.steps.size(); ++k) {
+    const SweepStep& step = std::get<SweepStep>(recipe.steps[k]);
+    if (step.glyph.empty()) continue;
+    const std::vector<int> named = select_glyphs(font, step.glyph);
+    if (named.size() != 1)
+      throw RequestError(text("steps[", k, "].glyph: \"", step.glyph, "\" names ", named.size(), " glyphs, not one"));
+    if (!std::binary_search(selected.begin(), selected.end(), named[0])) {
+      throw RequestError(text("steps[", k, "].glyph: \"", step.glyph, "\" is not among the recipe's glyphs"));
+    }
+    const Glyph& glyph = font.glyphs[static_cast<std::size_t>(named[0])];
+    const int contours = static_cast<int>(glyph.contours.size());
+    if (step.contour && !glyph.is_composite() && *step.contour >= contours) {
+      throw RequestError(text(font.path, ": ", glyph.name, ": steps[", k, "].contour: there is no contour ",
+                              *step.contour, ", it has ", contours));
+    }
+  }
+}
+
+}  // namespace
+
+RestyleResult restyle(const Font& font, const Recipe& recipe, const RestyleOptions& options) {
+  std::vector<int> selected = select_glyphs(font, recipe.glyphs);
+  check_steps(font, recipe, selected);
+  if (options.only) {
+    std::vector<int> both;
+    std::set_intersection(selected.begin(), selected.end(), options.only->begin(), options.only->end(),
+                          std::back_inserter(both));
+    selected = std::move(both);
+  }
+  std::vector<GlyphResult> results(selected.size());
+  run_jobs(static_cast<int>(selected.size()), options.jobs, [&](int i) {
+    const auto k = static_cast<std::size_t>(i);
+    results[k] = restyle_glyph(font, selected[k], recipe);
+  });
+
+  RestyleResult result;
+  EditedGlyphs edited;
+  for (GlyphResult& glyph : results) {
+    if (glyph.report.changed) edited.emplace(glyph.report.glyph, std::move(glyph.contours));
+    result.glyphs.push_back(std::move(glyph.report));
+  }
+  result.font = write_sfnt(font, edited);
+  for (GlyphReport& report : result.glyphs) {
+    const auto& dropped = result.font.dropped_instructions;
+    if (std::binary_search(dropped.begin(), dropped.end(), report.glyph)) {
+      report.dropped.emplace_back("instructions: they were made for the points where they stood");
+    }
+  }
+  return result;
+}
+
+std::string report_json(const Font& font, const RestyleResult& result) {
+  using Json = nlohmann::ordered_json;
+  const auto names = [&](const std::vector<int>& ids) {
+    Json list = Json::array();
+    for (const int id : ids) list.push_back(font.glyphs[static_cast<std::size_t>(id)].name);
+    return list;
+  };
+  const auto pair = [](const Point& p) { return Json::array({p.x(), p.y()}); };
+  Json head = {{"version", 1},
+               {"unitsPerEm", font.units_per_em},
+               {"changed", result.changed()},
+               {"refused", result.refused()},
+               {"changed_tables", result.font.changed_tables},
+               {"dropped_tables", result.font.dropped_tables},
+               {"moved_composites", names(result.font.moved_composites)},
+               {"warnings", result.font.warnings}};
+  std::string out = head.dump(2);
+  out.erase(out.size() - 2);  // the closing brace: the glyphs follow, a line each
+  out += ",\n  \"glyphs\": [";
+  for (std::size_t k = 0; k < result.glyphs.size(); ++k) {
+    const GlyphReport& report = result.glyphs[k];
+    Json glyph = {{"name", report.name},
+                  {"glyph", report.glyph},
+                  {"changed", report.changed},
+                  {"amount", report.amount},
+                  {"area_before", report.area_before},
+                  {"area_target", report.area_target},
+                  {"area_unrounded", report.area_unrounded},
+                  {"area_after", report.area_after},
+                  {"largest_displacement", report.largest_displacement},
+                  {"crossings_before", report.crossings_before},
+                  {"crossings_after", report.crossings_after},
+                  {"segments_before", report.segments_before},
+                  {"segments_after", report.segments_after},
+                  {"segments_kept", report.segments_kept},
+                  {"deviation", report.deviation},
+                  {"dropped", report.dropped}};
+    if (!report.refused.empty()) glyph["refused"] = report.refused;
+    if (!report.notes.empty()) glyph["notes"] = report.notes;
+    Json steps = Json::array();
+    for (const StepReport& step : report.steps) {
+      steps.push_back({{"op", step.op},
+                       {"contour", step.contour},
+                       {"handle", pair(step.handle)},
+                       {"asked", pair(step.asked)},
+                       {"got", pair(step.got)},
+                       {"level", step.level},
+                       {"levels", step.levels},
+                       {"off_wish", step.off_wish},
+                       {"against", step.against}});
+    }
+    glyph["steps"] = std::move(steps);
+    out += (k == 0 ? "\n    " : ",\n    ") + glyph.dump();
+  }
+  return out + (result.glyphs.empty() ? "]\n}\n" : "\n  ]\n}\n");
+}
+
+}  // namespace glyphs

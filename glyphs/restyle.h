@@ -1,0 +1,78 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "glyphs/jobs.h"
+#include "glyphs/recipe.h"
+#include "glyphs/sfnt_writer.h"
+
+namespace glyphs {
+
+/// What became of one step on one glyph.
+struct StepReport {
+  std::string op;
+  int contour = 0;
+  fontcore::Point handle{0, 0};      ///< the point of the outline nearest to `near`
+  fontcore::Point asked{0, 0};       ///< the move wished for it
+  fontcore::Point got{0, 0};         ///< the move it made before rounding
+  double level = 0.0;                ///< fractional level j + t of the edit
+  int levels = 0;                    ///< level of the finest control points
+  std::vector<std::string> against;  ///< what stood against the wish, by name; empty if it was met
+  double off_wish = 0.0;             ///< largest distance of the solved displacement from the wished one, font units
+};
+
+/// What became of one glyph.
+struct GlyphReport {
+  int glyph = 0;
+  std::string name;
+  std::string refused;  ///< why the glyph stays as it was; empty if it was edited or nothing was asked of it
+  bool changed = false;
+  double amount = 1.0;  ///< share of the wished moves applied; below 1 if a crossing stood against it
+  double area_before = 0.0;
+  double area_target = 0.0;
+  double area_unrounded = 0.0;  ///< area before rounding to whole numbers
+  double area_after = 0.0;
+  double largest_displacement = 0.0;
+  int crossings_before = 0;
+  int crossings_after = 0;
+  int segments_before = 0;
+  int segments_after = 0;
+  int segments_kept = 0;   ///< bit for bit as they were
+  double deviation = 0.0;  ///< two-sided distance of the emitted outline from the solved one: rounding's, font units
+  std::vector<std::string> dropped;  ///< instructions, and why
+  std::vector<std::string> notes;    ///< other remarks, a line each
+  std::vector<StepReport> steps;
+};
+
+/// One glyph through the whole flow: model, sweep, rules, area, whole numbers, crossing check.
+struct GlyphResult {
+  std::vector<fontcore::BezierContour> contours;  ///< whole-number coordinates; the input's own where nothing changed
+  std::vector<fontcore::BezierContour> unrounded;
+  GlyphReport report;
+};
+GlyphResult restyle_glyph(const Font& font, int glyph, const Recipe& recipe);
+
+struct RestyleOptions {
+  JobOptions jobs;
+  std::optional<std::vector<int>> only;  ///< of the recipe's glyphs only these, sorted
+};
+
+/// A font through a recipe: every selected glyph on its own, then one font. Glyphs that refuse stay as they were and
+/// are named.
+struct RestyleResult {
+  WrittenFont font;
+  std::vector<GlyphReport> glyphs;  ///< selected glyphs, by id
+  int changed() const;
+  int refused() const;
+};
+
+/// Throws  RequestError if a step names a glyph or a contour that does not exist or was not selected; FontWriteError as
+/// write_sfnt does.
+RestyleResult restyle(const Font& font, const Recipe& recipe, const RestyleOptions& options = {});
+
+/// The report of CLI.md, as JSON text; same result, same bytes.
+std::string report_json(const Font& font, const RestyleResult& result);
+
+}  // namespace glyphs

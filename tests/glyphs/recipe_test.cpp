@@ -1,0 +1,122 @@
+#include "glyphs/recipe.h"
+
+#include "glyphs/error.h"
+#include "glyphs/freetype_loader.h"
+#include "tests/bundled_fonts.h"
+#include "tests/catch.h"
+
+using namespace glyphs;
+
+namespace {
+
+std::string refusal(const std::string& json) {
+  try {
+    parse_recipe(json, "r.json");
+  } catch (const RequestError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+std::string with_step(const std::string& step) { return R"({"steps": [{"op": "sweep", )" + step + "}]}"; }
+
+const Font& serif() {
+  static const Font font = load_font(bundled_ttf[0]);
+  return font;
+}
+
+}  // namespace
+
+TEST_CASE("a recipe is read as it is written", "[recipe]") {
+  const Recipe recipe = parse_recipe(R"({
+    "unit": "em/1000", "glyphs": "U+0061-007A,A", "seed": 7,
+    "steps": [{"op": "sweep", "glyph": "a", "contour": 1, "near": [520, 300], "move": [12, -8], "breadth": 400},
+              {"op": "sweep", "near": [1.5, 2], "move": [0, 0], "breadth": 10}],
+    "keep": {"corners": false, "lines": false, "smooth_joins": false, "extrema": false, "zones": [0, 500.5], "area": "contour",
+             "length": false, "freeze": []},
+    "emit": {"mode": "structure", "tolerance": 0.75},
+    "on_crossing": "refuse"})",
+                                     "r.json");
+  CHECK(recipe.lengths_in_thousandths);
+  CHECK(recipe.glyphs == "U+0061-007A,A");
+  CHECK(recipe.seed == 7);
+  REQUIRE(recipe.steps.size() == 2);
+  const auto& first = std::get<SweepStep>(recipe.steps[0]);
+  CHECK(first.glyph == "a");
+  CHECK(first.contour == 1);
+  CHECK(first.near == fontcore::Point(520, 300));
+  CHECK(first.move == fontcore::Point(12, -8));
+  CHECK(first.breadth == 400);
+  CHECK_FALSE(std::get<SweepStep>(recipe.steps[1]).contour.has_value());
+  CHECK_FALSE(recipe.keep.corners);
+  CHECK_FALSE(recipe.keep.zones_auto);
+  CHECK(recipe.keep.zones == std::vector<double>{0.0, 500.5});
+  CHECK(recipe.keep.area == KeepArea::Contour);
+  CHECK(recipe.tolerance == 0.75);
+  CHECK(recipe.on_crossing == OnCrossing::Refuse);
+}
+
+TEST_CASE("what a recipe leaves out has the defaults that keep most", "[recipe]") {
+  const Recipe recipe = parse_recipe(R"({"steps": []})", "r.json");
+  CHECK(recipe.keep.corners);
+  CHECK(recipe.keep.lines);
+  CHECK(recipe.keep.smooth_joins);
+  CHECK(recipe.keep.extrema);
+  CHECK(recipe.keep.zones_auto);
+  CHECK(recipe.keep.area == KeepArea::Glyph);
+  CHECK(recipe.on_crossing == OnCrossing::Reduce);
+}
+
+TEST_CASE("unknown and repeated keys, wrong types and what cannot be honoured are refused by name", "[recipe]") {
+  const std::string step = R"("near": [1, 2], "move": [3, 4], "breadth": 5)";
+  CHECK(refusal(with_step(step)).empty());
+  CHECK(refusal(R"({"steps": [], "glyhps": "a"})") == "r.json: glyhps: unknown key");
+  CHECK(refusal(R"({"steps": [], "steps": []})") == "r.json: steps: given twice");
+  CHECK(refusal(R"({"steps": []},)") == "r.json: not JSON: error near line 1");
+  CHECK(refusal("{\n\"steps\": [}") == "r.json: not JSON: error near line 2");
+  CHECK(refusal("[]") == "r.json: : must be an object");
+  CHECK(refusal("{}") == "r.json: steps: is missing");
+  CHECK(refusal(with_step(step + R"(, "bredth": 5)")) == "r.json: steps[0].bredth: unknown key");
+  CHECK(refusal(with_step(R"("near": [1], "move": [3, 4], "breadth": 5)")) ==
+        "r.json: steps[0].near: must be two numbers, [x, y]");
+  CHECK(refusal(with_step(R"("near": [1, 2], "move": [3, 4], "breadth": 0)")) ==
+        "r.json: steps[0].breadth: must be positive");
+  CHECK(refusal(with_step(step + R"(, "contour": -1)")) == "r.json: steps[0].contour: must be a whole number from 0");
+  CHECK(refusal(R"({"steps": [{"op": "smooth", "scale": 60}]})") ==
+        "r.json: steps[0].op: \"smooth\" is not in this version of glyphwave");
+  CHECK(refusal(R"({"steps": [{"op": "swep"}]})") ==
+        "r.json: steps[0].op: \"swep\" is not one of \"sweep\", \"smooth\", \"equalize\", \"character\", \"weight\"");
+  CHECK(refusal(R"({"steps": [], "keep": {"length": true}})") ==
+        "r.json: keep.length: is not in this version of glyphwave");
+  CHECK(refusal(R"({"steps": [], "keep": {"freeze": [{"glyph": "a"}]}})") ==
+        "r.json: keep.freeze: is not in this version of glyphwave");
+  CHECK(refusal(R"({"steps": [], "keep": {"area": "all"}})") ==
+        "r.json: keep.area: \"all\" is not one of \"glyph\", \"contour\", \"none\"");
+  CHECK(refusal(R"({"steps": [], "keep": {"zones": 7}})") ==
+        "r.json: keep.zones: must be \"auto\", false or a list of heights");
+  CHECK(refusal(R"({"steps": [], "emit": {"mode": "compact"}})") ==
+        "r.json: emit.mode: \"compact\" is not in this version of glyphwave");
+  CHECK(refusal(R"({"steps": [], "seed": -1})") == "r.json: seed: must be a whole number from 0");
+}
+
+TEST_CASE("a recipe that cannot be read is named", "[recipe]") {
+  CHECK_THROWS_AS(load_recipe(std::string(GLYPHWAVE_SOURCE_DIR) + "/no such recipe.json"), RequestError);
+  CHECK_THROWS_AS(load_recipe(GLYPHWAVE_SOURCE_DIR), RequestError);
+}
+
+TEST_CASE("glyphs are selected by name, code point, range and glyph id, each once", "[recipe]") {
+  const int a = serif().find("a");
+  const int b = serif().find("b");
+  CHECK(select_glyphs(serif(), "b,a, a") == std::vector<int>{a, b});
+  CHECK(select_glyphs(serif(), "U+0061-0062") == std::vector<int>{a, b});
+  CHECK(select_glyphs(serif(), "u+0061-U+0062,U+61") == std::vector<int>{a, b});
+  CHECK(select_glyphs(serif(), "gid:" + std::to_string(a)) == std::vector<int>{a});
+  CHECK(select_glyphs(serif(), "").size() > 2000);
+}
+
+TEST_CASE("a selection that finds nothing is refused with what was sought", "[recipe]") {
+  for (const std::string selection :
+       {"nosuchglyph", "U+E0FF", "U+110000", "U+xyz", "U+0062-0061", "gid:99999", "gid:1x", "@/no such file", ","}) {
+    CHECK_THROWS_AS(select_glyphs(serif(), selection), RequestError);
+  }
+}

@@ -1,0 +1,286 @@
+#include "glyphs/restyle.h"
+
+#include <nlohmann/json.hpp>
+#include <random>
+
+#include "fontcore/crossing.h"
+#include "fontcore/measure.h"
+#include "glyphs/error.h"
+#include "glyphs/freetype_loader.h"
+#include "tests/bundled_fonts.h"
+#include "tests/catch.h"
+#include "tests/shapes.h"
+
+using namespace glyphs;
+using fontcore::Point;
+
+namespace {
+
+// A font of one glyph, g, that comes from no file.
+Font font_of(std::vector<fontcore::BezierContour> contours, int units_per_em = 1000) {
+  Font font;
+  font.path = "made";
+  font.units_per_em = units_per_em;
+  font.format = OutlineFormat::TrueType;
+  Glyph glyph;
+  glyph.name = "g";
+  glyph.advance = 600;
+  glyph.contours = std::move(contours);
+  font.glyphs.push_back(std::move(glyph));
+  return font;
+}
+
+Recipe recipe_of(const SweepStep& step) {
+  Recipe recipe;
+  recipe.steps.push_back(step);
+  return recipe;
+}
+
+SweepStep step_at(const Point& near, const Point& move, double breadth) {
+  SweepStep step;
+  step.near = near;
+  step.move = move;
+  step.breadth = breadth;
+  return step;
+}
+
+// A ring with a slot cut in from the right, its two lips 20 units apart.
+fontcore::BezierContour slotted() {
+  return shapes::polygon({{0, 0}, {800, 0}, {800, 290}, {300, 290}, {300, 310}, {800, 310}, {800, 600}, {0, 600}});
+}
+
+int point_count(const std::vector<fontcore::BezierContour>& contours) {
+  int count = 0;
+  for (const auto& contour : contours) {
+    for (const auto kind : contour.kinds()) count += kind == fontcore::PointKind::ImpliedNode ? 0 : 1;
+  }
+  return count;
+}
+
+// A sweep of its own for every letter, from a seed: somewhere in its box, up to 0.02 em, of 0.15 to 0.4 em.
+struct RandomSweeps {
+  std::mt19937 engine;
+  double between(double low, double high) { return low + (high - low) * static_cast<double>(engine()) / 4294967296.0; }
+  SweepStep operator()(const Font& font, const Glyph& glyph) {
+    fontcore::Box box;
+    for (const auto& contour : glyph.contours) box.add(control_box(contour));
+    const double angle = between(0.0, 6.2831853);
+    const double size = between(0.002, 0.02) * font.units_per_em;
+    return step_at({between(box.low.x(), box.high.x()), between(box.low.y(), box.high.y())},
+                   {size * std::cos(angle), size * std::sin(angle)}, between(0.15, 0.4) * font.units_per_em);
+  }
+};
+
+}  // namespace
+
+TEST_CASE("a sweep of every bundled letter keeps area, structure and crossings, and says what it did", "[restyle]") {
+  int letter_count = 0;
+  int unreduced = 0;
+  int landed = 0;
+  for (const std::string& path : bundled_ttf) {
+    const Font font = load_font(path);
+    RandomSweeps sweeps{std::mt19937(41)};
+    for (const char letter : letters) {
+      const Glyph& glyph = font.glyphs[static_cast<std::size_t>(font.character_map.at(static_cast<char32_t>(letter)))];
+      if (glyph.is_composite()) continue;
+      const SweepStep step = sweeps(font, glyph);
+      const GlyphResult result = restyle_glyph(font, glyph.id, recipe_of(step));
+      const GlyphReport& report = result.report;
+      INFO(path << " " << glyph.name);
+      CHECK(report.refused.empty());
+      ++letter_count;
+      unreduced += report.amount == 1.0 ? 1 : 0;
+      CHECK(std::abs(report.area_unrounded / report.area_before - 1.0) < 1e-9);
+      if (point_count(glyph.contours) >= 8) CHECK(std::abs(report.area_after / report.area_before - 1.0) < 5e-4);
+      CHECK(added_crossings(find_crossings(glyph.contours), find_crossings(result.contours)) == 0);
+      REQUIRE(report.steps.size() == 1);
+      const StepReport& told = report.steps[0];
+      const double missed = (told.got - report.amount * told.asked).norm();
+      if (told.against.empty()) {
+        ++landed;
+        CHECK(missed < 1e-9);
+      } else {
+        CHECK((missed > 1e-9 || report.amount < 1.0 || told.against[0].starts_with("area in whole numbers")));
+      }
+      for (std::size_t k = 0; k < glyph.contours.size(); ++k) {
+        const auto& before = glyph.contours[k];
+        const auto& after = result.contours[k];
+        CHECK(after.kinds() == before.kinds());
+        if (static_cast<int>(k) != told.contour) CHECK(after == before);
+        int kept = 0;
+        for (int s = 0; s < before.segment_count(); ++s) {
+          bool same = true;
+          for (int i = 0; i <= before.degree(s); ++i)
+            same = same &&
+                   before.segment(s).p[static_cast<std::size_t>(i)] == after.segment(s).p[static_cast<std::size_t>(i)];
+          kept += same ? 1 : 0;
+        }
+        if (step.breadth <= 0.25 * length(before)) CHECK(2 * kept >= before.segment_count());
+      }
+      // Where the handle is after rounding: within one unit of its place.
+      if (told.against.empty()) {
+        const auto& before = glyph.contours[static_cast<std::size_t>(told.contour)];
+        const auto& after = result.contours[static_cast<std::size_t>(told.contour)];
+        const auto [segment, u, distance] = nearest_point(before, step.near);
+        CHECK((evaluate(after.segment(segment), u) - told.handle - told.got).norm() <= 1.0);
+      }
+    }
+  }
+  CHECK(letter_count > 190);
+  CHECK(unreduced >= 0.95 * letter_count);
+  CHECK(landed > 0.3 * letter_count);
+}
+
+TEST_CASE("a move of nothing changes nothing, bit for bit", "[restyle]") {
+  const Font font = load_font(bundled_ttf[0]);
+  Recipe recipe = recipe_of(step_at({300, 300}, {0, 0}, 500));
+  recipe.glyphs = "U+0041-007A";
+  const RestyleResult result = restyle(font, recipe);
+  CHECK(result.changed() == 0);
+  CHECK(result.font.data == *font.data);
+}
+
+TEST_CASE("a sweep that would cross is reduced to the largest amount that does not, to 1 %", "[restyle]") {
+  const Font font = font_of({slotted()});
+  // The lower lip pushed 60 units up meets the upper one after 20.
+  const SweepStep step = step_at({550, 290}, {0, 60}, 250);
+  Recipe recipe = recipe_of(step);
+  recipe.keep.area = KeepArea::None;
+  const GlyphResult reduced = restyle_glyph(font, 0, recipe);
+  CHECK(reduced.report.changed);
+  CHECK(reduced.report.amount > 0.25);
+  CHECK(reduced.report.amount < 0.36);
+  CHECK(reduced.report.crossings_after == 0);
+  REQUIRE_FALSE(reduced.report.notes.empty());
+  CHECK(reduced.report.notes[0].starts_with("reduced to 0."));
+
+  // What is a hundredth more crosses; what is less does not.
+  recipe.on_crossing = OnCrossing::Allow;
+  for (const double share : {0.25, 0.5, 0.75, 1.0}) {
+    std::get<SweepStep>(recipe.steps[0]).move = share * reduced.report.amount * step.move;
+    CHECK(find_crossings(restyle_glyph(font, 0, recipe).contours).empty());
+  }
+  std::get<SweepStep>(recipe.steps[0]).move = (reduced.report.amount + 0.011) * step.move;
+  CHECK_FALSE(find_crossings(restyle_glyph(font, 0, recipe).contours).empty());
+
+  recipe = recipe_of(step);
+  recipe.keep.area = KeepArea::None;
+  recipe.on_crossing = OnCrossing::Refuse;
+  const GlyphResult refused = restyle_glyph(font, 0, recipe);
+  CHECK(refused.report.refused == "crossings that the edit adds: 1");
+  CHECK(refused.contours == font.glyphs[0].contours);
+}
+
+TEST_CASE("a glyph that crosses itself already may be edited as long as it crosses no more often", "[restyle]") {
+  const Font font =
+      font_of({shapes::square(400),
+               transform(shapes::square(400), {.linear = Eigen::Matrix2d::Identity(), .shift = {200, 200}})});
+  const GlyphResult result = restyle_glyph(font, 0, recipe_of(step_at({0, 200}, {-15, 0}, 1600)));
+  CHECK(result.report.refused.empty());
+  CHECK(result.report.amount == 1.0);
+  CHECK(result.report.crossings_before == 2);
+  CHECK(result.report.crossings_after == 2);
+}
+
+TEST_CASE("contours without an inside are carried through, and refused only if a step is about them", "[restyle]") {
+  const auto dot = shapes::polygon({{50, 60}});
+  const auto needle = shapes::polygon({{0, 0}, {10, 10}});
+  const Font font = font_of({dot, shapes::arch(500), needle});
+  const GlyphResult result = restyle_glyph(font, 0, recipe_of(step_at({250, 750}, {10, 0}, 700)));
+  CHECK(result.report.changed);
+  CHECK(result.report.steps[0].contour == 1);
+  CHECK(result.contours[0] == dot);
+  CHECK(result.contours[2] == needle);
+
+  SweepStep step = step_at({0, 0}, {10, 0}, 500);
+  step.contour = 2;
+  CHECK(restyle_glyph(font, 0, recipe_of(step)).report.refused ==
+        "contour 2: OutlineCurve: a contour of 2 points has no inside");
+  step.contour = 3;
+  CHECK(restyle_glyph(font, 0, recipe_of(step)).report.refused == "there is no contour 3: it has 3");
+}
+
+TEST_CASE("several steps on one glyph follow each other and keep the area together", "[restyle]") {
+  const Font font = font_of({shapes::circle(300), reverse(shapes::circle(150))});
+  Recipe recipe = recipe_of(step_at({300, 0}, {14, 0}, 900));
+  recipe.steps.emplace_back(step_at({-300, 0}, {-9, 3}, 900));
+  recipe.steps.emplace_back(step_at({0, 150}, {0, 8}, 500));
+  const GlyphReport report = restyle_glyph(font, 0, recipe).report;
+  REQUIRE(report.steps.size() == 3);
+  for (const StepReport& step : report.steps) {
+    if (step.against.empty()) CHECK((step.got - step.asked).norm() < 1e-9);
+  }
+  CHECK(std::abs(report.area_unrounded / report.area_before - 1.0) < 1e-9);
+  CHECK(std::abs(report.area_after / report.area_before - 1.0) < 5e-4);
+}
+
+TEST_CASE("lengths may be thousandths of the em, and near is where the glyph is drawn", "[restyle]") {
+  Font font = font_of({shapes::arch(1000)}, 2000);
+  const GlyphResult plain = restyle_glyph(font, 0, recipe_of(step_at({500, 1500}, {30, 0}, 1200)));
+  Recipe recipe = recipe_of(step_at({250, 750}, {15, 0}, 600));
+  recipe.lengths_in_thousandths = true;
+  CHECK(restyle_glyph(font, 0, recipe).contours == plain.contours);
+  font.glyphs[0].origin = 100;
+  const GlyphResult drawn = restyle_glyph(font, 0, recipe_of(step_at({400, 1500}, {30, 0}, 1200)));
+  CHECK(drawn.contours == plain.contours);
+  CHECK(drawn.report.steps[0].handle == plain.report.steps[0].handle - Point(100, 0));
+}
+
+TEST_CASE("composites are refused with the parts to edit instead", "[restyle]") {
+  const Font font = load_font(bundled_ttf[0]);
+  Recipe recipe = recipe_of(step_at({300, 300}, {20, 0}, 500));
+  recipe.glyphs = "U+00E4";
+  const RestyleResult result = restyle(font, recipe);
+  REQUIRE(result.refused() == 1);
+  CHECK(result.glyphs[0].refused.starts_with("it is a composite; edit its parts: a, "));
+  CHECK(result.glyphs[0].amount == 0.0);
+  CHECK(result.font.data == *font.data);
+}
+
+TEST_CASE("a step about a glyph or a contour that is not there is a slip of the recipe", "[restyle]") {
+  const Font font = load_font(bundled_ttf[0]);
+  SweepStep step = step_at({300, 300}, {20, 0}, 500);
+  step.glyph = "nosuchglyph";
+  CHECK_THROWS_AS(restyle(font, recipe_of(step)), RequestError);
+  step.glyph = "o";
+  step.contour = 2;
+  CHECK_THROWS_WITH(restyle(font, recipe_of(step)),
+                    Catch::Contains("o: steps[0].contour: there is no contour 2, it has 2"));
+  step.contour = 1;
+  Recipe recipe = recipe_of(step);
+  recipe.glyphs = "a,b";
+  CHECK_THROWS_WITH(restyle(font, recipe), "steps[0].glyph: \"o\" is not among the recipe's glyphs");
+}
+
+TEST_CASE("the same recipe gives the same font and report for every number of threads", "[restyle]") {
+  const Font font = load_font(bundled_ttf[2]);
+  Recipe recipe = recipe_of(step_at({400, 400}, {18, -11}, 700));
+  recipe.glyphs = "U+0041-007A";
+  RestyleOptions one;
+  one.jobs.jobs = 1;
+  RestyleOptions three;
+  three.jobs.jobs = 3;
+  const RestyleResult a = restyle(font, recipe, one);
+  const RestyleResult b = restyle(font, recipe, three);
+  CHECK(a.changed() > 40);
+  CHECK(a.font.data == b.font.data);
+  CHECK(report_json(font, a) == report_json(font, b));
+}
+
+TEST_CASE("the report has the keys that others rely on, a line a glyph", "[restyle]") {
+  const Font font = load_font(bundled_ttf[0]);
+  Recipe recipe = recipe_of(step_at({300, 300}, {20, 0}, 500));
+  recipe.glyphs = "a,s,adieresis";
+  const std::string text = report_json(font, restyle(font, recipe));
+  const auto json = nlohmann::json::parse(text);
+  CHECK(json.at("version") == 1);
+  REQUIRE(json.at("glyphs").size() == 3);
+  for (const auto& glyph : json.at("glyphs")) {
+    for (const char* key : {"name", "area_before", "area_target", "area_after", "amount", "crossings_before",
+                            "crossings_after", "segments_before", "segments_after", "deviation", "dropped"}) {
+      CHECK(glyph.contains(key));
+    }
+  }
+  CHECK(json["glyphs"][0]["dropped"].size() == 1);
+  CHECK(text.find("\n    {\"name\":\"s\"") != std::string::npos);
+}
