@@ -15,6 +15,8 @@ namespace {
 using Triplets = std::vector<Eigen::Triplet<double>>;
 
 constexpr int samples_per_piece = 8;
+constexpr double first_look = 1.5;      // tolerances: what is further off at a first look is not worth measuring
+constexpr int most_samples = 20000;     // of either curve when the distance is measured
 constexpr double sample_spacing = 3.0;  // of the distance's samples, in tolerances: 0.75/1000 em, far below a piece
 
 // The three B-spline weights of piece i (controls i - 1, i, i + 1) at u in [0, 1].
@@ -164,9 +166,16 @@ OutlineCurve::OutlineCurve(const BezierContour& contour, const OutlineCurveOptio
 
   auto spans = find_spans(options);
   double nearest = std::numeric_limits<double>::infinity();
+  double worth_trying = options.fewest;
   for (int scale = 1; 4 * scale <= options.most; scale *= 2) {
     for (int d = 4; d <= 7 && d * scale <= options.most; ++d) {
-      if (d * scale < options.fewest || !fit(spans, d * scale, options.tolerance)) continue;
+      if (d * scale < worth_trying) continue;
+      const double off = fit(spans, d * scale, options.tolerance);
+      if (off > first_look * options.tolerance) {
+        // No outline's error falls faster than with the fourth power: sizes that would need more are passed over.
+        if (std::isfinite(off)) worth_trying = d * scale * std::pow(off / (first_look * options.tolerance), 0.25);
+        continue;
+      }
       distance_ = measure_distance(options.tolerance);
       nearest = std::min(nearest, distance_);
       if (distance_ <= options.tolerance) return;
@@ -243,9 +252,10 @@ std::vector<std::vector<OutlineCurve::Span>> OutlineCurve::find_spans(const Outl
   return arcs;
 }
 
-// Builds the model with `size` control points. False if the spans need more pieces than that, or if it is plainly too
-// far off.
-bool OutlineCurve::fit(std::vector<std::vector<Span>>& arcs, int size, double tolerance) {
+// Builds the model with `size` control points. Returns how far it is off at a first look, at equal parameters and off
+// the tangent; infinity if the spans need more pieces than that.
+double OutlineCurve::fit(std::vector<std::vector<Span>>& arcs, int size, double tolerance) {
+  constexpr double infinity = std::numeric_limits<double>::infinity();
   // Fewest pieces: a line from corner to corner 2, a line inside an arc 1, a curved span 2, an arc 4.
   std::vector<int> floor;
   std::vector<double> weights;
@@ -266,7 +276,7 @@ bool OutlineCurve::fit(std::vector<std::vector<Span>>& arcs, int size, double to
     const int sum = std::accumulate(floor.begin() + static_cast<std::ptrdiff_t>(first), floor.end(), 0);
     floor[first] += std::max(0, 4 - sum);
   }
-  if (std::accumulate(floor.begin(), floor.end(), 0) > size) return false;
+  if (std::accumulate(floor.begin(), floor.end(), 0) > size) return infinity;
   const std::vector<int> shares = share_out(weights, size, floor);
 
   control_points_ = Points::Zero(size, 2);
@@ -362,7 +372,7 @@ bool OutlineCurve::fit(std::vector<std::vector<Span>>& arcs, int size, double to
     Eigen::SparseMatrix<double> normal(unknowns, unknowns);
     normal.setFromTriplets(entries.begin(), entries.end());
     Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>, Eigen::Lower> factor(normal);
-    if (factor.info() != Eigen::Success) return false;
+    if (factor.info() != Eigen::Success) return infinity;
     const Points solved = factor.solve(right);
     for (int i = 0; i < size; ++i) {
       if (column[static_cast<std::size_t>(i)] >= 0)
@@ -371,7 +381,7 @@ bool OutlineCurve::fit(std::vector<std::vector<Span>>& arcs, int size, double to
   }
   place_nodes(arcs, knot_kept);
 
-  // A first look, at equal parameters and off the tangent: what is far off here is not worth measuring.
+  double worst = 0.0;
   for (int i = 0; i < size; ++i) {
     Eigen::Matrix<double, 3, 2> controls;
     for (int p = 0; p < 3; ++p) controls.row(p) = control_points_.row(wrapped(i - 1 + p, size));
@@ -383,10 +393,10 @@ bool OutlineCurve::fit(std::vector<std::vector<Span>>& arcs, int size, double to
       const Point e = error.row(k);
       const double speed = tangent.norm();
       const double off = speed > tolerance ? std::abs(e.x() * tangent.y() - e.y() * tangent.x()) / speed : 0.0;
-      if (off > 1.5 * tolerance) return false;
+      worst = std::max(worst, off);
     }
   }
-  return true;
+  return worst;
 }
 
 void OutlineCurve::place_nodes(const std::vector<std::vector<Span>>& arcs,
@@ -499,7 +509,7 @@ double OutlineCurve::arc_length(double t0, double t1) const {
 }
 
 double OutlineCurve::measure_distance(double tolerance) const {
-  const double step = sample_spacing * tolerance;
+  const double step = std::max(sample_spacing * tolerance, length_ / most_samples);
   const int n = size();
   const int per_piece = std::max(4, static_cast<int>(std::ceil(1.2 * length_ / step / n)));
   Points spline(n * per_piece, 2);

@@ -85,7 +85,7 @@ class OutlineCurve {
   };
 
   std::vector<std::vector<Span>> find_spans(const OutlineCurveOptions& options);
-  bool fit(std::vector<std::vector<Span>>& arcs, int size, double tolerance);
+  double fit(std::vector<std::vector<Span>>& arcs, int size, double tolerance);
   void place_nodes(const std::vector<std::vector<Span>>& arcs, const std::vector<std::vector<bool>>& knot_kept);
   double coefficient(const Arc& arc, int k) const;
   double arc_length_in(const Arc& arc, double t) const;
