@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "glyphs/freetype_loader.h"
+#include "tests/bundled_fonts.h"
 #include "tests/catch.h"
 #include "tests/glyphs/sfnt_bytes.h"
 
@@ -17,17 +18,6 @@ namespace {
 
 using fontcore::BezierContour;
 using fontcore::Point;
-
-const std::vector<std::string> bundled_fonts{"liberation-serif/LiberationSerif-Regular.ttf",
-                                             "liberation-serif/LiberationSerif-Bold.ttf",
-                                             "open-sans/OpenSans-Regular.ttf",
-                                             "open-sans/OpenSans-Bold.ttf",
-                                             "cabin/Cabin-Regular.otf",
-                                             "cabin/Cabin-Bold.otf",
-                                             "eb-garamond/EBGaramond12-Regular.otf",
-                                             "eb-garamond/EBGaramond12-Bold.otf"};
-
-std::string font_path(const std::string& name) { return std::string(GLYPHWAVE_SOURCE_DIR) + "/fonts/" + name; }
 
 /// Every segment's control points, in order; lines of no length left out, since readers differ in drawing them.
 struct Drawing {
@@ -118,8 +108,8 @@ double distance(const Drawing& a, const Drawing& b) {
 }  // namespace
 
 TEST_CASE("every glyph of the bundled fonts is what HarfBuzz draws", "[agreement]") {
-  for (const std::string& name : bundled_fonts) {
-    const glyphs::Font font = glyphs::load_font(font_path(name));
+  for (const std::string& path : bundled_fonts()) {
+    const glyphs::Font font = glyphs::load_font(path);
     hb_blob_t* blob = hb_blob_create_from_file(font.path.c_str());
     hb_face_t* face = hb_face_create(blob, 0);
     hb_font_t* reader = hb_font_create(face);
@@ -131,10 +121,10 @@ TEST_CASE("every glyph of the bundled fonts is what HarfBuzz draws", "[agreement
       if (apart > largest) worst = glyph.name;
       largest = std::max(largest, apart);
       if (hb_font_get_glyph_h_advance(reader, static_cast<hb_codepoint_t>(glyph.id)) != glyph.advance) {
-        FAIL(name << ": advance of " << glyph.name);
+        FAIL(path << ": advance of " << glyph.name);
       }
     }
-    INFO(name << ": worst glyph " << worst);
+    INFO(path << ": worst glyph " << worst);
     CHECK(largest < 1e-3);  // HarfBuzz computes in floats
     hb_font_destroy(reader);
     hb_face_destroy(face);
@@ -147,8 +137,8 @@ TEST_CASE(
     "[agreement]") {
   FT_Library library = nullptr;
   REQUIRE(FT_Init_FreeType(&library) == 0);
-  for (const std::string& name : bundled_fonts) {
-    const glyphs::Font font = glyphs::load_font(font_path(name));
+  for (const std::string& path : bundled_fonts()) {
+    const glyphs::Font font = glyphs::load_font(path);
     FT_Face face = nullptr;
     REQUIRE(FT_New_Face(library, font.path.c_str(), 0, &face) == 0);
     double largest = 0.0;
@@ -176,7 +166,7 @@ TEST_CASE(
         largest = std::max(largest, apart);
       }
     }
-    INFO(name << ": worst glyph " << worst);
+    INFO(path << ": worst glyph " << worst);
     CHECK(largest <= 1.0);
     FT_Done_Face(face);
   }
@@ -218,9 +208,9 @@ TEST_CASE("composites of every kind are what HarfBuzz draws", "[agreement]") {
 }
 
 TEST_CASE("fractional CFF coordinates are kept, where FreeType would truncate them", "[agreement]") {
-  CHECK(glyphs::load_font(font_path("eb-garamond/EBGaramond12-Bold.otf")).has_fractional_coordinates);
-  CHECK_FALSE(glyphs::load_font(font_path("cabin/Cabin-Bold.otf")).has_fractional_coordinates);
-  const glyphs::Font font = glyphs::load_font(font_path("eb-garamond/EBGaramond12-Bold.otf"));
+  CHECK(glyphs::load_font(bundled_font("eb-garamond/EBGaramond12-Bold.otf")).has_fractional_coordinates);
+  CHECK_FALSE(glyphs::load_font(bundled_font("cabin/Cabin-Bold.otf")).has_fractional_coordinates);
+  const glyphs::Font font = glyphs::load_font(bundled_font("eb-garamond/EBGaramond12-Bold.otf"));
   const glyphs::Glyph& dollar = font.glyphs[static_cast<std::size_t>(font.find("dollar"))];
   bool has_fraction = false;
   for (const BezierContour& contour : dollar.contours) {

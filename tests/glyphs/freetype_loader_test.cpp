@@ -11,10 +11,13 @@
 #include <set>
 
 #include "glyphs/error.h"
+#include "tests/bundled_fonts.h"
 #include "tests/catch.h"
 #include "tests/glyphs/sfnt_bytes.h"
 
 namespace {
+
+const std::string liberation = "liberation-serif/LiberationSerif-Regular.ttf";
 
 using fontcore::PointKind;
 using glyphs::Bytes;
@@ -26,9 +29,6 @@ using sfnt_bytes::composite;
 using sfnt_bytes::font_of;
 using sfnt_bytes::simple_glyph;
 using sfnt_bytes::small_font;
-
-std::string font_path(const std::string& name) { return std::string(GLYPHWAVE_SOURCE_DIR) + "/fonts/" + name; }
-const std::string liberation = "liberation-serif/LiberationSerif-Regular.ttf";
 
 const Bytes triangle = simple_glyph({{{0, 0}, {300, 0}, {0, 300}}});
 
@@ -55,7 +55,7 @@ double first_x(const Font& font, int glyph) { return compose(font, glyph).at(0).
 }  // namespace
 
 TEST_CASE("a TrueType font gives its own points in their order", "[freetype_loader]") {
-  const Font font = load_font(font_path(liberation));
+  const Font font = load_font(bundled_font(liberation));
   CHECK(font.units_per_em == 2048);
   CHECK(font.family == "Liberation Serif");
   CHECK(font.style == "Regular");
@@ -76,7 +76,7 @@ TEST_CASE("a TrueType font gives its own points in their order", "[freetype_load
 }
 
 TEST_CASE("a CFF font gives cubics in their order", "[freetype_loader]") {
-  const Font font = load_font(font_path("cabin/Cabin-Regular.otf"));
+  const Font font = load_font(bundled_font("cabin/Cabin-Regular.otf"));
   CHECK(font.format == glyphs::OutlineFormat::Cff);
   const Glyph& o = named(font, "o");
   REQUIRE(o.contours.size() == 2);
@@ -86,7 +86,7 @@ TEST_CASE("a CFF font gives cubics in their order", "[freetype_loader]") {
 }
 
 TEST_CASE("every glyph has a name of its own", "[freetype_loader]") {
-  const Font font = load_font(font_path(liberation));
+  const Font font = load_font(bundled_font(liberation));
   std::set<std::string> names;
   for (const Glyph& glyph : font.glyphs) names.insert(glyph.name);
   CHECK(names.size() == font.glyphs.size());
@@ -276,7 +276,7 @@ TEST_CASE("what is no font is refused in one line that names the file", "[freety
         "/no/such/font.ttf: cannot be read: No such file or directory");
   CHECK(read_error([] { load_font("/tmp"); }) == "/tmp: is a folder");
   CHECK(read_error([] { load_font("/dev/null"); }) == "/dev/null: is not a regular file");
-  const std::string path = font_path(liberation);
+  const std::string path = bundled_font(liberation);
   CHECK(read_error([&] { load_font(path, 1); }) == path + ": has 1 faces; there is no face 1");
 }
 
@@ -326,7 +326,7 @@ TEST_CASE("faces of a collection are read by their number", "[freetype_loader]")
 
 TEST_CASE("a truncated font is refused or read, never a crash", "[freetype_loader]") {
   for (const std::string name : {"open-sans/OpenSans-Regular.ttf", "cabin/Cabin-Regular.otf"}) {
-    const Bytes whole = glyphs::read_file(font_path(name));
+    const Bytes whole = glyphs::read_file(bundled_font(name));
     for (std::size_t length = 0; length < whole.size(); length += length < 400 ? 7 : 1 + whole.size() / 97) {
       const std::string error = read_error(
           [&] { load_font("cut", Bytes(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(length))); });
@@ -338,7 +338,7 @@ TEST_CASE("a truncated font is refused or read, never a crash", "[freetype_loade
 
 TEST_CASE("a font with random bytes is refused or read, never a crash", "[freetype_loader]") {
   std::mt19937 random(1);
-  const Bytes whole = glyphs::read_file(font_path("open-sans/OpenSans-Regular.ttf"));
+  const Bytes whole = glyphs::read_file(bundled_font("open-sans/OpenSans-Regular.ttf"));
   for (int round = 0; round < 60; ++round) {
     Bytes data = whole;
     for (int i = 0; i < 200; ++i) data[random() % data.size()] = static_cast<unsigned char>(random());
