@@ -1,0 +1,422 @@
+// The program as a user meets it: arguments in; exit status, standard output, standard error and files out.
+
+#include <fcntl.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "tests/bundled_fonts.h"
+#include "tests/catch.h"
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+namespace {
+
+std::string contents(const fs::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  std::ostringstream all;
+  all << in.rdbuf();
+  return all.str();
+}
+
+void put(const fs::path& path, const std::string& text) { std::ofstream(path, std::ios::binary) << text; }
+
+/// A folder of its own for one test, gone afterwards.
+class Folder {
+ public:
+  Folder() {
+    std::string name = (fs::temp_directory_path() / "glyphwave-cli-XXXXXX").string();
+    REQUIRE(mkdtemp(name.data()) != nullptr);
+    path_ = name;
+  }
+  Folder(const Folder&) = delete;
+  Folder& operator=(const Folder&) = delete;
+  ~Folder() { fs::remove_all(path_); }
+
+  std::string operator/(const std::string& name) const { return (path_ / name).string(); }
+  std::vector<std::string> files() const {
+    std::vector<std::string> names;
+    for (const auto& entry : fs::directory_iterator(path_)) names.push_back(entry.path().filename().string());
+    std::sort(names.begin(), names.end());
+    return names;
+  }
+
+ private:
+  fs::path path_;
+};
+
+struct Run {
+  int status = -1;
+  std::string out;
+  std::string err;
+};
+
+/// Runs a program, found in PATH if it is a plain name; standard output may go to a device instead.
+Run run_program(const std::string& program, std::vector<std::string> arguments,
+                const std::string& standard_output = "") {
+  const Folder folder;
+  const std::string out = standard_output.empty() ? folder / "out" : standard_output;
+  const std::string err = folder / "err";
+  arguments.insert(arguments.begin(), program);
+  std::vector<char*> pointers;
+  for (std::string& argument : arguments) pointers.push_back(argument.data());
+  pointers.push_back(nullptr);
+
+  posix_spawn_file_actions_t actions;
+  posix_spawn_file_actions_init(&actions);
+  posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
+  posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, out.c_str(), O_WRONLY | O_CREAT, 0600);
+  posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, err.c_str(), O_WRONLY | O_CREAT, 0600);
+  pid_t child = 0;
+  CAPTURE(program);
+  REQUIRE(posix_spawnp(&child, program.c_str(), &actions, nullptr, pointers.data(), environ) == 0);
+  posix_spawn_file_actions_destroy(&actions);
+  int ended = 0;
+  REQUIRE(waitpid(child, &ended, 0) == child);
+  REQUIRE(WIFEXITED(ended));
+  return {WEXITSTATUS(ended), standard_output.empty() ? contents(out) : "", contents(err)};
+}
+
+Run glyphwave(const std::vector<std::string>& arguments, const std::string& standard_output = "") {
+  return run_program(GLYPHWAVE_PROGRAM, arguments, standard_output);
+}
+
+/// One line that begins with the program's name and holds every one of these words.
+void check_refusal(const Run& run, const std::vector<std::string>& words) {
+  CAPTURE(run.out, run.err);
+  CHECK(run.status == 2);
+  CHECK(run.out.empty());
+  CHECK(run.err.starts_with("glyphwave: "));
+  CHECK(std::count(run.err.begin(), run.err.end(), '\n') == 1);
+  CHECK(run.err.ends_with('\n'));
+  for (const std::string& word : words) CHECK_THAT(run.err, Catch::Contains(word));
+}
+
+const std::string& serif = bundled_ttf[0];
+
+/// A recipe that moves the given glyphs by `strength` of a visible amount.
+std::string recipe_for(const std::string& glyphs, double strength, const std::string& more = "") {
+  const json step{{"op", "sweep"}, {"near", {700, 450}}, {"move", {30 * strength, 0}}, {"breadth", 600}};
+  json recipe{{"glyphs", glyphs}, {"steps", json::array({step})}};
+  if (!more.empty()) recipe.update(json::parse(more));
+  return recipe.dump();
+}
+
+}  // namespace
+
+TEST_CASE("help and version go to standard output with status 0", "[cli]") {
+  const Run version = glyphwave({"--version"});
+  CHECK(version.status == 0);
+  CHECK_THAT(version.out, Catch::StartsWith("glyphwave "));
+  const Run help = glyphwave({"--help"});
+  CHECK(help.status == 0);
+  for (const char* command : {"inspect", "restyle", "check", "area", "proof"})
+    CHECK_THAT(help.out, Catch::Contains(command));
+  const Run of_command = glyphwave({"restyle", "--help"});
+  CHECK(of_command.status == 0);
+  CHECK_THAT(of_command.out, Catch::Contains("--strict"));
+}
+
+TEST_CASE("misuse is one line and status 2", "[cli]") {
+  check_refusal(glyphwave({}), {});
+  check_refusal(glyphwave({"frobnicate"}), {"frobnicate"});
+  check_refusal(glyphwave({"inspect"}), {"FONT"});
+  check_refusal(glyphwave({"inspect", serif, "--colour"}), {"--colour"});
+  check_refusal(glyphwave({"inspect", serif, "-j", "-1"}), {"-1"});
+  check_refusal(glyphwave({"inspect", serif, "-j", "many"}), {"many"});
+  check_refusal(glyphwave({"inspect", serif, "--face", "1"}), {"LiberationSerif-Regular.ttf"});
+  check_refusal(glyphwave({"inspect", serif, "--glyphs", "a", "--text", "a"}), {"--glyphs", "--text"});
+}
+
+TEST_CASE("what this version does not have yet is refused by name", "[cli]") {
+  for (const char* command : {"simplify", "character", "weight", "convert"})
+    check_refusal(glyphwave({command, serif, "-o", "x.otf"}), {command, "not in this version"});
+  check_refusal(glyphwave({"area", "check", "base.json", serif}), {"area check", "not in this version"});
+  check_refusal(glyphwave({"area", "audit", serif}), {"area audit", "not in this version"});
+  check_refusal(glyphwave({"inspect", serif, "--location", "wght=650"}), {"--location", "not in this version"});
+  const Folder folder;
+  check_refusal(glyphwave({"restyle", "--recipe", "r.json", "--output-dir", folder / "out", serif}),
+                {"restyle --recipe", "not in this version"});
+  check_refusal(glyphwave({"proof", serif, "--text", "a", "-o", folder / "p.png", "--show", "level=120"}),
+                {"level=120", "not in this version"});
+  put(folder / "r.json", recipe_for("a", 1));
+  check_refusal(glyphwave({"restyle", serif, folder / "r.json", "-o", folder / "o.otf"}), {"o.otf"});
+  CHECK(folder.files() == std::vector<std::string>{"r.json"});
+}
+
+TEST_CASE("a font that is none is refused in one line that names it, for every command", "[cli]") {
+  const Folder folder;
+  const std::string font = contents(serif);
+  put(folder / "text.ttf", "this is not a font\n");
+  put(folder / "empty.ttf", "");
+  put(folder / "cut.ttf", font.substr(0, font.size() / 2));
+  put(folder / "head.ttf", font.substr(0, 300));
+  fs::create_directory(folder / "folder.ttf");
+  put(folder / "r.json", recipe_for("a", 1));
+  const auto before = folder.files();
+  for (const char* name : {"text.ttf", "empty.ttf", "cut.ttf", "head.ttf", "folder.ttf", "missing.ttf"}) {
+    CAPTURE(name);
+    const std::string bad = folder / name;
+    check_refusal(glyphwave({"inspect", bad}), {name});
+    check_refusal(glyphwave({"check", bad}), {name});
+    check_refusal(glyphwave({"area", "measure", bad, "-o", folder / "base.json"}), {name});
+    check_refusal(glyphwave({"proof", bad, "--text", "a", "-o", folder / "p.png"}), {name});
+    check_refusal(glyphwave({"restyle", bad, folder / "r.json", "-o", folder / "o.ttf", "--report", folder / "o.json"}),
+                  {name});
+  }
+  CHECK(folder.files() == before);
+}
+
+TEST_CASE("a recipe that cannot be honoured is refused and an old output is untouched", "[cli]") {
+  const Folder folder;
+  const std::string old = "an old output";
+  put(folder / "o.ttf", old);
+  put(folder / "report.json", old);
+  put(folder / "proof.png", old);
+  const std::vector<std::pair<std::string, std::string>> recipes{
+      {"{", "r.json"},
+      {"[]", "r.json"},
+      {R"({"glyphs": "a", "steps": [], "colour": 1})", "colour"},
+      {R"({"glyphs": "a", "steps": [{"op": "sweep", "glyph": "a", "near": [1, 2], "move": [1, 1], "breadth": 100,
+           "wobble": 2}]})",
+       "wobble"},
+      {R"({"glyphs": "a", "steps": [{"op": "melt"}]})", "melt"},
+      {R"({"glyphs": "a", "steps": [{"op": "smooth", "scale": 60}]})", "smooth"},
+      {R"({"glyphs": "nosuchglyph", "steps": []})", "nosuchglyph"},
+      {R"({"glyphs": "a", "steps": [{"op": "sweep", "glyph": "a", "contour": 7, "near": [1, 2], "move": [1, 1],
+           "breadth": 100}]})",
+       "7"},
+      {R"({"glyphs": "a", "steps": [], "keep": {"length": true}})", "length"},
+  };
+  for (const auto& [text, word] : recipes) {
+    CAPTURE(text);
+    put(folder / "r.json", text);
+    check_refusal(glyphwave({"restyle", serif, folder / "r.json", "-o", folder / "o.ttf", "--report",
+                             folder / "report.json", "--proof", folder / "proof.png"}),
+                  {word});
+  }
+  check_refusal(glyphwave({"restyle", serif, folder / "missing.json", "-o", folder / "o.ttf"}), {"missing.json"});
+  check_refusal(glyphwave({"restyle", serif, folder / "", "-o", folder / "o.ttf"}), {});
+  CHECK(contents(folder / "o.ttf") == old);
+  CHECK(contents(folder / "report.json") == old);
+  CHECK(contents(folder / "proof.png") == old);
+  CHECK(folder.files() == std::vector<std::string>{"o.ttf", "proof.png", "r.json", "report.json"});
+}
+
+TEST_CASE("outputs are written all or none", "[cli]") {
+  const Folder folder;
+  put(folder / "r.json", recipe_for("a", 1));
+  const Run lost = glyphwave(
+      {"restyle", serif, folder / "r.json", "-o", folder / "o.ttf", "--report", folder / "no/such/folder/report.json"});
+  check_refusal(lost, {"report.json"});
+  check_refusal(glyphwave({"restyle", serif, folder / "r.json", "-o", folder / "o.ttf", "--report", folder / "o.ttf"}),
+                {"o.ttf"});
+  check_refusal(glyphwave({"restyle", serif, folder / "r.json", "-o", folder / "o.ttf", "--report", folder / "r.json"}),
+                {"r.json"});
+  check_refusal(glyphwave({"restyle", serif, folder / "r.json", "-o", folder / "o.ttf", "--proof", folder / "p.bmp"}),
+                {"p.bmp"});
+  CHECK(folder.files() == std::vector<std::string>{"r.json"});
+}
+
+TEST_CASE("restyle gives font, report and proof, the same for every number of threads", "[cli]") {
+  const Folder folder;
+  put(folder / "r.json", recipe_for("a,o,e,n", 1));
+  const auto run = [&](const std::string& jobs) {
+    return glyphwave({"restyle", serif, folder / "r.json", "-o", folder / (jobs + ".ttf"), "--report",
+                      folder / (jobs + ".json"), "--proof", folder / (jobs + ".png"), "-j", jobs});
+  };
+  const Run one = run("1");
+  CAPTURE(one.err);
+  REQUIRE(one.status == 0);
+  CHECK(one.err.empty());
+  CHECK(std::count(one.out.begin(), one.out.end(), '\n') <= 10);
+  REQUIRE(run("2").status == 0);
+  for (const char* ending : {".ttf", ".json", ".png"})
+    CHECK(contents(folder / (std::string("1") + ending)) == contents(folder / (std::string("2") + ending)));
+  CHECK(contents(folder / "1.ttf") != contents(serif));
+  const json report = json::parse(contents(folder / "1.json"));
+  CHECK(report["version"] == 1);
+  CHECK(report["glyphs"].size() == 4);
+  CHECK(glyphwave({"inspect", folder / "1.ttf", "--glyphs", "a,o,e,n"}).status == 0);
+}
+
+TEST_CASE("the demo's recipe changes every glyph it names and keeps their areas", "[cli]") {
+  const Folder folder;
+  const Run run = glyphwave({"restyle", serif, std::string(GLYPHWAVE_SOURCE_DIR) + "/fonts/recipes/demo.json", "-o",
+                             folder / "o.ttf", "--strict", "--json"});
+  CAPTURE(run.err);
+  REQUIRE(run.status == 0);
+  const json report = json::parse(run.out);
+  CHECK(report["glyphs"].size() == 8);
+  for (const auto& glyph : report["glyphs"]) {
+    CHECK(glyph["changed"] == true);
+    CHECK(glyph["area_after"].get<double>() == Approx(glyph["area_before"].get<double>()).epsilon(5e-4));
+  }
+}
+
+TEST_CASE("restyled letters of every bundled TrueType font pass the OpenType sanitizer", "[cli][slow]") {
+  const Folder folder;
+  put(folder / "r.json", recipe_for("U+0041-005A,U+0061-007A", 1));
+  for (const std::string& font : bundled_ttf) {
+    CAPTURE(font);
+    REQUIRE(glyphwave({"restyle", font, folder / "r.json", "-o", folder / "o.ttf"}).status == 0);
+    CHECK(contents(folder / "o.ttf") != contents(font));
+    CHECK(run_program("ots-sanitize", {folder / "o.ttf"}).status == 0);
+  }
+}
+
+TEST_CASE("a recipe of strength zero gives the input back, also onto itself", "[cli]") {
+  const Folder folder;
+  put(folder / "r.json", recipe_for("U+0061-007A", 0));
+  REQUIRE(glyphwave({"restyle", serif, folder / "r.json", "-o", folder / "o.ttf"}).status == 0);
+  CHECK(contents(folder / "o.ttf") == contents(serif));
+  REQUIRE(glyphwave({"restyle", folder / "o.ttf", folder / "r.json", "-o", folder / "o.ttf"}).status == 0);
+  CHECK(contents(folder / "o.ttf") == contents(serif));
+}
+
+TEST_CASE("a selection narrows what a recipe is applied to", "[cli]") {
+  const Folder folder;
+  put(folder / "r.json", recipe_for("U+0061-007A", 1));
+  for (const auto& narrowed : {std::vector<std::string>{"--glyphs", "o"}, {"--text", "ooo"}}) {
+    std::vector<std::string> arguments{"restyle", serif, folder / "r.json", "-o", folder / "o.ttf", "--json"};
+    arguments.insert(arguments.end(), narrowed.begin(), narrowed.end());
+    const Run run = glyphwave(arguments);
+    REQUIRE(run.status == 0);
+    const json report = json::parse(run.out);
+    REQUIRE(report["glyphs"].size() == 1);
+    CHECK(report["glyphs"][0]["name"] == "o");
+  }
+}
+
+TEST_CASE("under --strict a refused glyph means status 1 and no output", "[cli]") {
+  const Folder folder;
+  // So far to the left that the bowl must cross the counter.
+  put(folder / "r.json", R"({"glyphs": "o", "on_crossing": "refuse",
+      "keep": {"area": "none", "extrema": false, "zones": false},
+      "steps": [{"op": "sweep", "near": [950, 450], "move": [-700, 0], "breadth": 1500}]})");
+  const std::vector<std::string> arguments{"restyle", serif, folder / "r.json", "-o", folder / "o.ttf"};
+  const Run lenient = glyphwave(arguments);
+  CAPTURE(lenient.out, lenient.err);
+  REQUIRE(lenient.status == 0);
+  CHECK_THAT(lenient.out, Catch::Contains("refused"));
+  CHECK(contents(folder / "o.ttf") == contents(serif));
+  fs::remove(folder / "o.ttf");
+  std::vector<std::string> strict = arguments;
+  strict.push_back("--strict");
+  const Run run = glyphwave(strict);
+  CHECK(run.status == 1);
+  CHECK(run.out.empty());
+  CHECK_THAT(run.err, Catch::StartsWith("glyphwave: ") && Catch::Contains("o ("));
+  CHECK(std::count(run.err.begin(), run.err.end(), '\n') == 1);
+  CHECK(folder.files() == std::vector<std::string>{"r.json"});
+}
+
+TEST_CASE("with --json there is one JSON value on standard output and nothing else", "[cli]") {
+  const Folder folder;
+  for (const std::vector<std::string>& arguments : {std::vector<std::string>{"inspect", serif, "--glyphs", "a,b"},
+                                                    {"area", "measure", serif, "--glyphs", "a,b"},
+                                                    {"check", serif, "--glyphs", "a,b"},
+                                                    {"proof", serif, "--text", "a", "-o", folder / "p.png"}}) {
+    std::vector<std::string> with_json = arguments;
+    with_json.push_back("--json");
+    const Run run = glyphwave(with_json);
+    CAPTURE(arguments[0], run.err);
+    CHECK(run.status == 0);
+    CHECK(run.err.empty());
+    CHECK(json::accept(run.out));
+  }
+}
+
+TEST_CASE("inspect and area measure do not depend on the number of threads", "[cli]") {
+  const auto same = [](std::vector<std::string> arguments) {
+    arguments.insert(arguments.end(), {"-j", "1"});
+    const Run one = glyphwave(arguments);
+    arguments.back() = "2";
+    CHECK(one.status == 0);
+    CHECK_FALSE(one.out.empty());
+    CHECK(glyphwave(arguments).out == one.out);
+  };
+  same({"inspect", bundled_otf[0]});
+  same({"inspect", bundled_otf[0], "--json"});
+  same({"area", "measure", serif, "--json"});
+}
+
+TEST_CASE("a selection is by name, code point, range, glyph number, file or text", "[cli]") {
+  const Folder folder;
+  put(folder / "list", "a\nb\n");
+  const auto measured = [&](const std::vector<std::string>& selection) {
+    std::vector<std::string> arguments{"area", "measure", serif, "--json"};
+    arguments.insert(arguments.end(), selection.begin(), selection.end());
+    const Run run = glyphwave(arguments);
+    CAPTURE(run.err);
+    REQUIRE(run.status == 0);
+    std::string names;
+    const json measure = json::parse(run.out);
+    for (const auto& glyph : measure["glyphs"]) names += glyph["name"].get<std::string>();
+    return names;
+  };
+  CHECK(measured({"--glyphs", "b,a"}) == "ab");
+  CHECK(measured({"--glyphs", "b", "--glyphs", "a"}) == "ab");
+  CHECK(measured({"--glyphs", "U+0061-0062"}) == "ab");
+  CHECK(measured({"--glyphs", "@" + (folder / "list")}) == "ab");
+  CHECK(measured({"--text", "abba"}) == "ab");
+  CHECK(measured({"--text", "[a]", "--features", "-kern"}) == "bracketleftbracketrighta");
+  check_refusal(glyphwave({"area", "measure", serif, "--glyphs", "nosuch"}), {"LiberationSerif-Regular.ttf", "nosuch"});
+  check_refusal(glyphwave({"area", "measure", serif, "--text", ""}), {"empty"});
+  check_refusal(glyphwave({"area", "measure", serif, "--text", "a\xFF"}), {"UTF-8"});
+  check_refusal(glyphwave({"area", "measure", serif, "--text", "a", "--features", "zzzz"}), {"zzzz"});
+}
+
+TEST_CASE("area measure writes a baseline that a second run gives again", "[cli]") {
+  const Folder folder;
+  REQUIRE(glyphwave({"area", "measure", serif, "-o", folder / "one.json"}).status == 0);
+  REQUIRE(glyphwave({"area", "measure", serif, "-o", folder / "two.json", "-q"}).out.empty());
+  CHECK(contents(folder / "one.json") == contents(folder / "two.json"));
+  CHECK(contents(folder / "one.json") == glyphwave({"area", "measure", serif, "--json"}).out);
+}
+
+TEST_CASE("check ends with 1 if it finds a crossing and with 0 if not", "[cli]") {
+  CHECK(glyphwave({"check", serif, "--glyphs", "o"}).status == 0);
+  // The cedilla hangs on the t it crosses.
+  const std::string sans = bundled_ttf[2];
+  const Run found = glyphwave({"check", sans, "--glyphs", "tcedilla"});
+  CHECK(found.status == 1);
+  CHECK_THAT(found.out, Catch::Contains("tcedilla: contour 0 crosses contour 1 at ("));
+  const Run listed = glyphwave({"check", sans, "--glyphs", "tcedilla", "--json"});
+  CHECK(listed.status == 1);
+  CHECK(json::parse(listed.out)["sections"][0]["checks"][1]["result"] == "FAIL");
+}
+
+TEST_CASE("a proof is a picture of the kind its name says", "[cli]") {
+  const Folder folder;
+  const std::vector<std::pair<std::string, std::string>> kinds{
+      {"p.png", "\x89PNG"}, {"p.pdf", "%PDF"}, {"p.svg", "<?xml"}};
+  for (const auto& [name, head] : kinds) {
+    REQUIRE(glyphwave({"proof", serif, "--text", "Ag", "--against", bundled_ttf[1], "-o", folder / name}).status == 0);
+    CHECK(contents(folder / name).starts_with(head));
+  }
+  check_refusal(glyphwave({"proof", serif, "--text", "a", "-o", folder / "p.gif"}), {"p.gif"});
+  check_refusal(glyphwave({"proof", serif, "--text", "a"}), {"--output"});
+  check_refusal(glyphwave({"proof", serif, "--text", "a", "-o", folder / "x.png", "--show", "ghosts"}), {"ghosts"});
+  CHECK(folder.files() == std::vector<std::string>{"p.pdf", "p.png", "p.svg"});
+}
+
+TEST_CASE("standard output that cannot be written is an error", "[cli]") {
+  const Run run = glyphwave({"inspect", serif, "--glyphs", "a"}, "/dev/full");
+  CHECK(run.status == 2);
+  CHECK_THAT(run.err, Catch::StartsWith("glyphwave: standard output: "));
+}
+
+TEST_CASE("an output on a full disk is an error", "[cli]") {
+  check_refusal(glyphwave({"area", "measure", serif, "-o", "/dev/full"}), {"/dev/full"});
+}

@@ -1,0 +1,290 @@
+#include "tools/commands.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "glyphs/error.h"
+#include "glyphs/freetype_loader.h"
+#include "glyphs/inspect.h"
+#include "glyphs/proof.h"
+#include "glyphs/recipe.h"
+#include "glyphs/restyle.h"
+#include "glyphs/safe_file.h"
+
+namespace commands {
+
+namespace {
+
+using fontcore::text;
+using glyphs::Font;
+using glyphs::RequestError;
+
+std::string join(const std::vector<std::string>& parts, const char* separator) {
+  std::string all;
+  for (const std::string& part : parts) all += (all.empty() ? "" : separator) + part;
+  return all;
+}
+
+/// The first few of a list of names, and how many more there are.
+std::string few(const std::vector<std::string>& names) {
+  constexpr std::size_t shown = 8;
+  std::vector<std::string> first(names.begin(),
+                                 names.begin() + static_cast<std::ptrdiff_t>(std::min(shown, names.size())));
+  return names.empty() ? "none"
+                       : join(first, ", ") + (names.size() > shown ? text(" and ", names.size() - shown, " more") : "");
+}
+
+/// A number with a few digits, as a person reads it.
+std::string rounded(double value, int digits = 6) {
+  char buffer[32];
+  const auto end = std::to_chars(std::begin(buffer), std::end(buffer), value, std::chars_format::general, digits).ptr;
+  return {std::begin(buffer), end};
+}
+
+/// The shortest text that reads back to the same number.
+std::string exact(double value) {
+  char buffer[400];
+  const auto end = std::to_chars(std::begin(buffer), std::end(buffer), value, std::chars_format::fixed).ptr;
+  return {std::begin(buffer), end};
+}
+
+/// Adds the file's name to a complaint about what was asked of the font.
+template <typename Work>
+auto naming(const std::string& file, const Work& work) {
+  try {
+    return work();
+  } catch (const RequestError& error) {
+    const std::string what = error.what();
+    throw RequestError(what.find(file) == std::string::npos ? file + ": " + what : what);
+  }
+}
+
+std::vector<int> selected(const Request& request, const Font& font) {
+  return naming(request.font, [&] {
+    if (!request.text) return glyphs::select_glyphs(font, join(request.glyphs, ","));
+    if (!request.glyphs.empty()) throw RequestError("--glyphs and --text cannot both select");
+    return glyphs::glyphs_of_text(font, *request.text, request.shaping);
+  });
+}
+
+std::string count(std::size_t number, const char* of_what) {
+  return text(number, " ", of_what, number == 1 ? "" : "s");
+}
+
+/// Refuses outputs that would overwrite each other or what is read.
+void check_outputs(const std::vector<std::string>& inputs, const std::vector<std::string>& outputs) {
+  const auto is_same = [](const std::string& a, const std::string& b) {
+    std::error_code error;
+    return a == b || std::filesystem::equivalent(a, b, error) ||
+           std::filesystem::weakly_canonical(a, error) == std::filesystem::weakly_canonical(b, error);
+  };
+  for (std::size_t i = 0; i < outputs.size(); ++i) {
+    if (outputs[i].empty()) continue;
+    for (std::size_t k = 0; k < i; ++k)
+      if (!outputs[k].empty() && is_same(outputs[k], outputs[i]))
+        throw RequestError(outputs[i] + ": two outputs with one name");
+    for (const std::string& input : inputs)
+      if (!input.empty() && is_same(input, outputs[i]))
+        throw RequestError(outputs[i] + ": would overwrite what is read");
+  }
+}
+
+}  // namespace
+
+Outcome inspect(const Request& request) {
+  const Font font = glyphs::load_font(request.font, request.face);
+  const auto facts = glyphs::inspect(font, selected(request, font), glyphs::Detail::Models, request.jobs);
+  if (request.json) return {glyphs::facts_json(font, facts, glyphs::Detail::Models), "", 0};
+
+  constexpr std::array<const char*, 4> formats{"TrueType", "CFF", "CFF2", "no"};
+  std::string out =
+      text(request.font, ": ", font.family, " ", font.style, ", ", formats[static_cast<std::size_t>(font.format)],
+           " outlines, ", font.units_per_em, " units per em, ", count(font.glyphs.size(), "glyph"), "\n");
+  for (const glyphs::GlyphFacts& glyph : facts) {
+    out += text(glyph.name, " (gid:", glyph.glyph, "): ");
+    if (!glyph.trouble.empty()) {
+      out += glyph.trouble + "\n";
+      continue;
+    }
+    out += text(count(glyph.contours.size(), "contour"), ", area ", exact(glyph.area), "\n");
+    for (std::size_t i = 0; i < glyph.contours.size(); ++i) {
+      const glyphs::ContourFacts& contour = glyph.contours[i];
+      out += text("  contour ", i, ": ", count(static_cast<std::size_t>(contour.points), "point"), ", ",
+                  count(static_cast<std::size_t>(contour.segments), "segment"), ", area ", exact(contour.area),
+                  ", length ", rounded(contour.length), "; ");
+      if (contour.no_model.empty())
+        out += text(count(static_cast<std::size_t>(contour.corners), "corner"), ", ", contour.control_points,
+                    " control points, ", count(static_cast<std::size_t>(contour.levels), "level"), ", distance ",
+                    rounded(contour.distance, 3), "\n");
+      else
+        out += "no model: " + contour.no_model + "\n";
+    }
+  }
+  return {std::move(out), "", 0};
+}
+
+Outcome check(const Request& request) {
+  const Font font = glyphs::load_font(request.font, request.face);
+  const std::vector<glyphs::GlyphCrossings> found =
+      glyphs::check_crossings(font, selected(request, font), request.jobs);
+  std::size_t crossings = 0;
+  std::size_t faulty = 0;
+  std::string lines;
+  for (const glyphs::GlyphCrossings& glyph : found) {
+    crossings += glyph.crossings.size();
+    if (!glyph.crossings.empty() || !glyph.trouble.empty()) ++faulty;
+    if (!glyph.trouble.empty()) lines += glyph.name + ": " + glyph.trouble + "\n";
+    for (const fontcore::Crossing& crossing : glyph.crossings) lines += glyphs::describe(glyph, crossing) + "\n";
+  }
+  Outcome outcome;
+  outcome.status = faulty > 0 ? 1 : 0;
+  outcome.text = request.json ? glyphs::crossings_json(font, found)
+                              : lines + text(request.font, ": ", count(crossings, "crossing"), " in ", faulty, " of ",
+                                             count(found.size(), "glyph"), "\n");
+  return outcome;
+}
+
+Outcome measure_area(const Request& request, const std::string& output) {
+  check_outputs({request.font}, {output});
+  const Font font = glyphs::load_font(request.font, request.face);
+  const auto facts = glyphs::inspect(font, selected(request, font), glyphs::Detail::Area, request.jobs);
+  const std::string json = glyphs::facts_json(font, facts, glyphs::Detail::Area);
+  if (!output.empty()) glyphs::write_file(output, json);
+  if (request.json) return {json, "", 0};
+  if (!output.empty())
+    return {request.quiet ? "" : text(output, ": areas of ", count(facts.size(), "glyph"), "\n"), "", 0};
+  std::string out;
+  for (const glyphs::GlyphFacts& glyph : facts)
+    out += glyph.name + " " + (glyph.trouble.empty() ? exact(glyph.area) : glyph.trouble) + "\n";
+  return {std::move(out), "", 0};
+}
+
+namespace {
+
+/// What changed, in ten lines or fewer.
+std::string summary(const Request& request, const RestyleRequest& restyle, const Font& font,
+                    const glyphs::RestyleResult& result) {
+  std::vector<std::string> reduced;
+  std::vector<std::string> refused;
+  std::vector<std::string> held_back;
+  const glyphs::GlyphReport* widest = nullptr;
+  const glyphs::GlyphReport* worst = nullptr;
+  int segments = 0;
+  int kept = 0;
+  const auto area_error = [](const glyphs::GlyphReport& glyph) {
+    return std::abs(glyph.area_after - glyph.area_target) / std::max(1.0, std::abs(glyph.area_target));
+  };
+  for (const glyphs::GlyphReport& glyph : result.glyphs) {
+    if (!glyph.refused.empty()) refused.push_back(glyph.name + " (" + glyph.refused + ")");
+    if (std::any_of(glyph.steps.begin(), glyph.steps.end(), [](const auto& step) { return !step.against.empty(); }))
+      held_back.push_back(glyph.name);
+    if (!glyph.changed) continue;
+    if (glyph.amount < 1.0) reduced.push_back(glyph.name + " to " + rounded(100.0 * glyph.amount, 3) + " %");
+    if (widest == nullptr || glyph.largest_displacement > widest->largest_displacement) widest = &glyph;
+    if (worst == nullptr || area_error(glyph) > area_error(*worst)) worst = &glyph;
+    segments += glyph.segments_after;
+    kept += glyph.segments_kept;
+  }
+  std::string out = text(request.font, ": ", result.changed(), " of ", count(result.glyphs.size(), "selected glyph"),
+                         " changed by ", restyle.recipe, "\n");
+  if (!reduced.empty()) out += "reduced so that nothing crosses: " + few(reduced) + "\n";
+  if (!held_back.empty()) out += "rules stood against the move of: " + few(held_back) + "\n";
+  if (!refused.empty()) out += "refused, left as they were: " + few(refused) + "\n";
+  if (widest != nullptr) {
+    out += text("largest displacement: ", rounded(widest->largest_displacement, 4), " of ", font.units_per_em,
+                " units per em, in ", widest->name, "\n");
+    out += text("worst area error after rounding: ", rounded(100.0 * area_error(*worst), 2), " %, in ", worst->name,
+                " (", exact(worst->area_target), " wished, ", exact(worst->area_after), " got)\n");
+    out += text("segments kept bit for bit: ", kept, " of ", segments, "\n");
+  }
+  out += text("tables rebuilt: ", result.font.changed_tables.empty() ? "none" : join(result.font.changed_tables, " "),
+              "; dropped: ", result.font.dropped_tables.empty() ? "none" : join(result.font.dropped_tables, " "), "\n");
+  if (!result.font.dropped_instructions.empty() || !result.font.moved_composites.empty())
+    out += text("instructions dropped from ", count(result.font.dropped_instructions.size(), "glyph"),
+                "; box moved of ", count(result.font.moved_composites.size(), "composite"), "\n");
+  std::vector<std::string> written{restyle.output};
+  for (const std::string& path : {restyle.report, restyle.proof})
+    if (!path.empty()) written.push_back(path);
+  return out + "written: " + join(written, ", ") + "\n";
+}
+
+}  // namespace
+
+Outcome restyle(const Request& request, const RestyleRequest& restyle) {
+  if (!restyle.output.ends_with(".ttf"))
+    throw RequestError(restyle.output + ": the output's ending chooses its format; only .ttf is in this version");
+  check_outputs({}, {restyle.output, restyle.report, restyle.proof});
+  check_outputs({request.font, restyle.recipe}, {restyle.report, restyle.proof});
+  check_outputs({restyle.recipe}, {restyle.output});
+  const auto proof_format = restyle.proof.empty() ? glyphs::ProofFormat::Png : glyphs::proof_format(restyle.proof);
+
+  const glyphs::Recipe recipe = glyphs::load_recipe(restyle.recipe);
+  const Font font = glyphs::load_font(request.font, request.face);
+  if (font.format != glyphs::OutlineFormat::TrueType)
+    throw RequestError(request.font + ": only fonts with TrueType outlines are restyled in this version");
+
+  glyphs::RestyleOptions options;
+  options.jobs = request.jobs;
+  if (request.text || !request.glyphs.empty()) options.only = selected(request, font);
+  const glyphs::RestyleResult result = naming(request.font, [&] { return glyphs::restyle(font, recipe, options); });
+
+  if (restyle.strict && result.refused() > 0) {
+    std::vector<std::string> refused;
+    for (const glyphs::GlyphReport& glyph : result.glyphs)
+      if (!glyph.refused.empty()) refused.push_back(glyph.name + " (" + glyph.refused + ")");
+    return {"", text(request.font, ": ", count(refused.size(), "glyph"), " refused, nothing written: ", few(refused)),
+            1};
+  }
+
+  const std::string report = glyphs::report_json(font, result);
+  std::vector<glyphs::PendingFile> files{{restyle.output, result.font.data}};
+  if (!restyle.report.empty()) files.push_back({restyle.report, {report.begin(), report.end()}});
+  if (!restyle.proof.empty()) {
+    std::vector<int> changed;
+    for (const glyphs::GlyphReport& glyph : result.glyphs)
+      if (glyph.changed) changed.push_back(glyph.glyph);
+    // With nothing changed the proof shows what was looked at.
+    if (changed.empty())
+      for (const glyphs::GlyphReport& glyph : result.glyphs) changed.push_back(glyph.glyph);
+    const Font after = glyphs::load_font(restyle.output, result.font.data, 0);
+    files.push_back({restyle.proof, glyphs::draw_glyph_proof(after, font, changed, proof_format)});
+  }
+  glyphs::write_files(files);
+  if (request.json) return {report, "", 0};
+  return {request.quiet ? "" : summary(request, restyle, font, result), "", 0};
+}
+
+Outcome proof(const Request& request, const ProofRequest& proof) {
+  const glyphs::ProofFormat format = glyphs::proof_format(proof.output);
+  check_outputs({request.font, proof.against}, {proof.output});
+  glyphs::ProofOptions options;
+  options.shaping = request.shaping;
+  for (const std::string& show : proof.show) {
+    if (show == "nodes")
+      options.nodes = true;
+    else if (show == "crossings")
+      options.crossings = true;
+    else if (show.starts_with("level="))
+      throw RequestError("--show " + show + ": not in this version");
+    else
+      throw RequestError("--show " + show + ": it is none of nodes, crossings");
+  }
+  if (request.text && !request.glyphs.empty()) throw RequestError("--glyphs and --text cannot both select");
+
+  const Font font = glyphs::load_font(request.font, request.face);
+  std::optional<Font> against;
+  if (!proof.against.empty()) against = glyphs::load_font(proof.against);
+  const glyphs::Bytes picture = naming(request.font, [&] {
+    return request.text ? glyphs::draw_proof(font, against, *request.text, format, options)
+                        : glyphs::draw_glyph_proof(font, against, selected(request, font), format, options);
+  });
+  glyphs::write_file(proof.output, picture);
+  if (request.json) return {nlohmann::json{{"version", 1}, {"written", {proof.output}}}.dump() + "\n", "", 0};
+  return {request.quiet ? "" : "written: " + proof.output + "\n", "", 0};
+}
+
+}  // namespace commands
