@@ -18,7 +18,7 @@ constexpr double stiffness = 0.4;  // of the breadth: length over which a displa
 constexpr double shortest_stretch = 1e-3;  // of a segment: what a sample's stretch is at least taken for, at cusps
 constexpr double ridge = 1e-7;             // of the mean diagonal: keeps points without samples at rest
 constexpr double smooth_angle = 0.026180;  // 1.5 degrees: a join turning less is smooth and must stay so
-constexpr double most_throw = 2.0;         // a handle that throws a point further than this many moves is not forced
+constexpr double most_throw = 3.0;         // a handle that throws a point further than this many moves is not forced
 constexpr double gentle_throw = 1.25;      // and one that throws none further than this needs no more room
 constexpr double landed = 1e-9;            // font units
 
