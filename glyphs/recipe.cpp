@@ -62,7 +62,7 @@ class ObjectReader {
   }
   std::string take_choice(const std::string& key, const std::vector<std::string>& choices,
                           const std::string& otherwise) {
-    const std::string value = take_text(key, otherwise);
+    std::string value = take_text(key, otherwise);
     if (std::find(choices.begin(), choices.end(), value) != choices.end()) return value;
     std::string list;
     for (const std::string& choice : choices) list += (list.empty() ? "\"" : ", \"") + choice + "\"";
