@@ -9,6 +9,7 @@
 #include FT_ADVANCES_H
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cmath>
 #include <cstdio>
@@ -297,15 +298,67 @@ bool is_printable(const std::string& name) {
   return !name.empty() && std::all_of(name.begin(), name.end(), [](char c) { return c > ' ' && c <= '~'; });
 }
 
+// Printable ASCII by the names of the Adobe Glyph List, from U+0020 on; letters are their own names.
+constexpr std::array<const char*, 95> ascii_names{"space",       "exclam",
+                                                  "quotedbl",    "numbersign",
+                                                  "dollar",      "percent",
+                                                  "ampersand",   "quotesingle",
+                                                  "parenleft",   "parenright",
+                                                  "asterisk",    "plus",
+                                                  "comma",       "hyphen",
+                                                  "period",      "slash",
+                                                  "zero",        "one",
+                                                  "two",         "three",
+                                                  "four",        "five",
+                                                  "six",         "seven",
+                                                  "eight",       "nine",
+                                                  "colon",       "semicolon",
+                                                  "less",        "equal",
+                                                  "greater",     "question",
+                                                  "at",          "A",
+                                                  "B",           "C",
+                                                  "D",           "E",
+                                                  "F",           "G",
+                                                  "H",           "I",
+                                                  "J",           "K",
+                                                  "L",           "M",
+                                                  "N",           "O",
+                                                  "P",           "Q",
+                                                  "R",           "S",
+                                                  "T",           "U",
+                                                  "V",           "W",
+                                                  "X",           "Y",
+                                                  "Z",           "bracketleft",
+                                                  "backslash",   "bracketright",
+                                                  "asciicircum", "underscore",
+                                                  "grave",       "a",
+                                                  "b",           "c",
+                                                  "d",           "e",
+                                                  "f",           "g",
+                                                  "h",           "i",
+                                                  "j",           "k",
+                                                  "l",           "m",
+                                                  "n",           "o",
+                                                  "p",           "q",
+                                                  "r",           "s",
+                                                  "t",           "u",
+                                                  "v",           "w",
+                                                  "x",           "y",
+                                                  "z",           "braceleft",
+                                                  "bar",         "braceright",
+                                                  "asciitilde"};
+
 std::string unicode_name(char32_t code) {
+  if (code >= U' ' && code <= U'~') return ascii_names[code - U' '];
   char name[16];
   const auto value = static_cast<unsigned>(code);
   std::snprintf(name, sizeof name, value > 0xFFFF ? "u%05X" : "uni%04X", value);
   return name;
 }
 
-/// Every glyph's own name, where it has one that no lower glyph id has taken; else uniXXXX or uXXXXX of its lowest code
-/// point, else gidN. Names that cannot be printed in ASCII count as absent.
+/// Every glyph's own name, where it has one that no lower glyph id has taken; else that of its lowest code point (the
+/// Adobe Glyph List's for ASCII, else uniXXXX or uXXXXX), else gidN. Names that cannot be printed in ASCII count as
+/// absent.
 void name_glyphs(Font& font, FT_Face face) {
   std::set<std::string> taken;
   const auto take = [&](Glyph& glyph, std::string name) {
