@@ -110,11 +110,18 @@ std::vector<bool> released_segments(const OutlineCurve& curve, const StructureEd
     const double d = s < first ? std::min(first - s, s + L - last) : std::min(s - last, first + L - s);
     return std::max(d, 0.0);
   };
-  std::vector<double> distance(static_cast<std::size_t>(n));
+  std::vector<double> own(static_cast<std::size_t>(n));
   std::vector<int> order(static_cast<std::size_t>(n));
   std::iota(order.begin(), order.end(), 0);
-  for (std::size_t s = 0; s < distance.size(); ++s) {
-    distance[s] = s == h ? 0.0 : std::min(around(start[s]), around(start[s + 1]));
+  for (std::size_t s = 0; s < own.size(); ++s) own[s] = s == h ? 0.0 : std::min(around(start[s]), around(start[s + 1]));
+  // So does a line that is reached: what lies beyond it is as near as it is, or its far end could not follow.
+  std::vector<double> distance = own;
+  for (int s = 0; s < n; ++s) {
+    if (contour.degree(s) != 1) continue;
+    for (const int beside : {contour.previous(s), contour.next(s)}) {
+      double& d = distance[static_cast<std::size_t>(beside)];
+      d = std::min(d, own[static_cast<std::size_t>(s)]);
+    }
   }
   std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
     return distance[static_cast<std::size_t>(a)] < distance[static_cast<std::size_t>(b)];
@@ -171,7 +178,7 @@ HandledSolution solve_with_handle(const OutlineCurve& curve, const StructureEdit
     return edit.area ? least.solve(system.f, contour, *edit.area) : least.solve(system.f);
   };
   HandledSolution result;
-  if (!edit.handle) {
+  if (!edit.handle || edit.handle_move == HandleMove::Wished) {
     result.solution = solve(rules);
     return result;
   }
@@ -254,8 +261,8 @@ StructureFit refit_structure(const OutlineCurve& curve, const StructureEdit& edi
       best = std::move(next);
       best_cost = cost;
     }
-    if (best->handled.solution.report.failed.empty() && best_cost.first == 0.0 &&
-        best_cost.second <= gentle_throw * edit.move.norm())
+    const bool settled = best_cost.first == 0.0 || edit.handle_move == HandleMove::Wished;
+    if (best->handled.solution.report.failed.empty() && settled && best_cost.second <= gentle_throw * edit.move.norm())
       break;
   }
   const HandledSolution& handled = best->handled;
@@ -265,7 +272,8 @@ StructureFit refit_structure(const OutlineCurve& curve, const StructureEdit& edi
   if (edit.handle) {
     fit.got = move_of(contour, fit.contour, *edit.handle);
     if ((fit.got - edit.move).norm() > landed) fit.against = handled.against;
-    if ((fit.got - edit.move).norm() > landed && fit.against.empty()) fit.against = {"rounding of the solve"};
+    if ((fit.got - edit.move).norm() > landed && fit.against.empty())
+      fit.against = {edit.handle_move == HandleMove::Wished ? "it is not forced" : "rounding of the solve"};
   }
   for (const auto& [segment, weight, wish] : system.samples) {
     Point d = Point::Zero();

@@ -11,13 +11,19 @@
 
 namespace fontcore {
 
+/// How hard the handle's move is meant.
+enum class HandleMove {
+  Forced,  ///< a pair of rows, wherever rules and area let it
+  Wished,  ///< part of the wish, like the rest of the field
+};
+
 /// What a structure-preserving edit is to reach, and within what.
 struct StructureEdit {
   Points field;  ///< the wish: displacement of the spline's control points, N×2, font units
-  std::optional<OutlineCurve::Location>
-      handle;  ///< the point of the outline that is to move by `move`, exactly if it can
+  std::optional<OutlineCurve::Location> handle;  ///< the point of the outline that is to move by `move`
   Point move = Point::Zero();
-  double breadth = 0.0;  ///< of the edit; points further along the outline than this from the handle keep their bits
+  HandleMove handle_move = HandleMove::Forced;
+  double breadth = 0.0;  ///< of the edit; segments further along the outline than twice this keep their bits
   OutlineRules rules;
   std::optional<double> area;  ///< signed area the contour is to have
 };
@@ -34,11 +40,12 @@ struct StructureFit {
 
 /// Moves an outline's own points: the least-squares image of the wish inside what the rules leave, at exactly the area.
 ///
-/// Contours, segments, kinds and start point stay; what is solved is what is emitted. The handle's move is a pair of
-/// rows, taken last: where the rules or the area stand against it, or where forcing it would throw other points further
-/// than `most_throw` times the move, it stays a wish and `against` names what stood against it. With a breadth of at
-/// most a quarter of the contour no more than half of its segments are released. Nearly smooth joins that the edit
-/// would open are closed.
+/// Segments, kinds and start point stay; what is solved is what is emitted. A forced handle is a pair of rows, taken
+/// last: where the rules or the area stand against it, or where forcing it would throw other points further than three
+/// times the move, it stays a wish, and `against` names what stood against it. Segments nearer to the handle than the
+/// breadth are released, up to twice that where the area cannot be given back gently; a line that is reached goes as a
+/// whole. With a breadth of at most a quarter of the contour no more than half of its segments are released. Nearly
+/// smooth joins that the edit would open are closed.
 ///
 /// Exact   rows to rounding; area to 1e-12 relative unless `report.failed` says otherwise; segments not released, bit
 /// for bit. Source  DESIGN, "And one consequence".

@@ -80,7 +80,8 @@ class GlyphEditor {
 
   bool has_work() const { return !steps_.empty(); }
 
-  Attempt attempt(double amount) {
+  Attempt attempt(double amount, fontcore::HandleMove handle_move = fontcore::HandleMove::Forced) {
+    handle_move_ = handle_move;
     Attempt result;
     result.unrounded = original_;
     std::vector<std::optional<fontcore::OutlineCurve::Location>> handle(original_.size());
@@ -136,6 +137,7 @@ class GlyphEditor {
     edit.field = recipe_.keep.corners ? respect_corners(curve, sweep.field) : sweep.field;
     edit.handle = fontcore::OutlineCurve::Location{segment, u};
     edit.move = amount * step.move;
+    edit.handle_move = handle_move_;
     edit.breadth = step.breadth;
     edit.rules = rules_;
     // Every step gives its own area back, so glyph and contour ask the same of it; they differ in rounding.
@@ -191,6 +193,7 @@ class GlyphEditor {
   const Contours& original_;
   const Point drawn_at_;  // the place in stored coordinates that a recipe calls the origin
   const Recipe& recipe_;
+  fontcore::HandleMove handle_move_ = fontcore::HandleMove::Forced;
   std::vector<PlacedStep> steps_;
   fontcore::OutlineRules rules_;
   std::vector<std::optional<fontcore::OutlineCurve>> curves_;
@@ -240,6 +243,41 @@ double emission_deviation(const Contours& solved, const Contours& emitted, doubl
   return deviation;
 }
 
+// How much of what was asked the handles got, on average over the steps.
+double progress(const Attempt& attempt) {
+  double sum = 0.0;
+  for (const StepReport& step : attempt.steps) sum += step.got.dot(step.asked) / step.asked.squaredNorm();
+  return sum / static_cast<double>(attempt.steps.size());
+}
+
+// The edit that comes nearest to the wish without adding a crossing: the largest safe amount, found by bisection; or,
+// where only forcing the handles would cross and it gets further, the whole amount with the handles as wishes.
+template <typename Added>
+Attempt reduced(GlyphEditor& editor, Attempt best, const Added& added, GlyphReport& report) {
+  for (StepReport& step : best.steps) step.got = Point::Zero();
+  report.amount = 0.0;
+  for (double unsafe = 1.0; unsafe - report.amount > bisection_width;) {
+    const double amount = 0.5 * (report.amount + unsafe);
+    Attempt tried = editor.attempt(amount);
+    if (added(tried) > 0) {
+      unsafe = amount;
+    } else {
+      report.amount = amount;
+      best = std::move(tried);
+    }
+  }
+  Attempt wished = editor.attempt(1.0, fontcore::HandleMove::Wished);
+  if (progress(wished) > progress(best) && added(wished) == 0) {
+    report.amount = 1.0;
+    for (StepReport& step : wished.steps) step.against = {"a crossing, if the handle were forced"};
+    report.notes.emplace_back("the handle is not forced: that would add a crossing");
+    return wished;
+  }
+  for (StepReport& step : best.steps) step.against.emplace_back("a crossing: the amount is reduced");
+  report.notes.push_back(text("reduced to ", report.amount, " of the move: more would add a crossing"));
+  return best;
+}
+
 std::string parts_of(const Font& font, const Glyph& glyph) {
   std::vector<std::string> names;
   for (const Component& part : glyph.components) {
@@ -273,21 +311,7 @@ GlyphResult restyle_glyph(const Font& font, int id, const Recipe& recipe) {
     Attempt best = editor.attempt(1.0);
     if (recipe.on_crossing != OnCrossing::Allow && added(best) > 0) {
       if (recipe.on_crossing == OnCrossing::Refuse) throw Refusal{text("crossings that the edit adds: ", added(best))};
-      report.amount = 0.0;
-      best = Attempt{glyph.contours, glyph.contours, best.steps};
-      for (StepReport& step : best.steps) step.got = Point::Zero();
-      for (double unsafe = 1.0; unsafe - report.amount > bisection_width;) {
-        const double amount = 0.5 * (report.amount + unsafe);
-        Attempt tried = editor.attempt(amount);
-        if (added(tried) > 0) {
-          unsafe = amount;
-        } else {
-          report.amount = amount;
-          best = std::move(tried);
-        }
-      }
-      for (StepReport& step : best.steps) step.against.push_back("a crossing: the amount is reduced");
-      report.notes.push_back(text("reduced to ", report.amount, " of the move: more would add a crossing"));
+      best = reduced(editor, Attempt{glyph.contours, glyph.contours, best.steps}, added, report);
     }
     result.contours = std::move(best.rounded);
     result.unrounded = std::move(best.unrounded);
