@@ -499,6 +499,23 @@ Point OutlineCurve::outline_at(double t) const {
 
 Point OutlineCurve::spline_at(double t) const { return evaluate_spline(control_points_, t).transpose(); }
 
+OutlineCurve::Pace OutlineCurve::pace(double t) const {
+  t = into_period(t, size());
+  const Arc& arc = arc_at(t);
+  const double x = t - (arc.first - 0.5);
+  const int k = std::clamp(static_cast<int>(std::floor(x)), 0, arc.size - 1);
+  const double u = x - k;
+  const double before = coefficient(arc, k) - coefficient(arc, k - 1);
+  const double after = coefficient(arc, k + 1) - coefficient(arc, k);
+  return {(1.0 - u) * before + u * after, after - before};
+}
+
+std::vector<OutlineCurve::ArcRange> OutlineCurve::arcs() const {
+  std::vector<ArcRange> ranges;
+  for (const Arc& arc : arcs_) ranges.push_back({arc.first, arc.size});
+  return ranges;
+}
+
 double OutlineCurve::arc_length(double t0, double t1) const {
   const auto from_start = [&](double t) {
     const double within = into_period(t, size());

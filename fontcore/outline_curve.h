@@ -63,6 +63,19 @@ class OutlineCurve {
   Location locate(double t) const;
   Point outline_at(double t) const;
   Point spline_at(double t) const;
+  /// How fast the outline is run through at t: first and second derivative of its arc length by t. Zero speed at
+  /// corners.
+  struct Pace {
+    double speed = 0.0;
+    double change = 0.0;
+  };
+  Pace pace(double t) const;
+  /// The arcs of the outline by their control points: `size` of them from `first` on; one arc if there is no corner.
+  struct ArcRange {
+    int first = 0;
+    int size = 0;
+  };
+  std::vector<ArcRange> arcs() const;
   /// Arc length of the outline from t0 forward to t1 > t0.
   double arc_length(double t0, double t1) const;
 

@@ -83,3 +83,69 @@ TEST_CASE("a breadth that is not positive is refused", "[edit]") {
   CHECK_THROWS_AS(sweep(specimen(), 1.0, Point(1, 0), 0.0), InvalidInput);
   CHECK_THROWS_AS(sweep(specimen(), 1.0, Point(1, 0), std::numeric_limits<double>::quiet_NaN()), InvalidInput);
 }
+
+TEST_CASE("smoothing by energy grows in distance and falls in energy on every arc, over all scales", "[edit]") {
+  std::vector<BezierContour> contours = shapes::letter_a();
+  contours.push_back(shapes::circle(400));
+  contours.push_back(shapes::arch(500));
+  for (const BezierContour& contour : contours) {
+    const OutlineCurve curve(contour, {.tolerance = 0.5});
+    Smoothing before = smooth_by_energy(curve, 0.0);
+    CHECK(before.field.isZero(0.0));
+    CHECK(before.energy_after == before.energy_before);
+    for (double scale = 4.0; scale < 8000.0; scale *= 1.46) {
+      const Smoothing now = smooth_by_energy(curve, scale);
+      for (std::size_t arc = 0; arc < now.distance.size(); ++arc) {
+        CHECK(now.distance[arc] >= before.distance[arc] * (1.0 - 1e-9));
+        CHECK(now.energy_after[arc] <= before.energy_after[arc] * (1.0 + 1e-9) + 1e-12);
+      }
+      before = now;
+    }
+  }
+}
+
+TEST_CASE("smoothing is continuous in the scale", "[edit]") {
+  for (double scale = 10.0; scale < 3000.0; scale *= 2.1) {
+    CHECK(shapes::largest_distance(smooth_by_energy(specimen(), scale).field,
+                                   smooth_by_energy(specimen(), scale + 1e-6).field) < 1e-3);
+  }
+}
+
+TEST_CASE("smoothing leaves corners and straight arcs where they are", "[edit]") {
+  const Smoothing a = smooth_by_energy(specimen(), 300.0);
+  CHECK_FALSE(a.field.isZero(0.1));
+  for (const int i : specimen().corner_pairs()) {
+    CHECK(a.field.row(i).isZero(0.0));
+    CHECK(a.field.row((i + 1) % specimen().size()).isZero(0.0));
+  }
+  const OutlineCurve square(shapes::square(600), {.tolerance = 0.5});
+  CHECK(smooth_by_energy(square, 500.0).field.isZero(0.0));
+}
+
+TEST_CASE("a smoothed wave loses what is shorter than the scale and keeps what is longer", "[edit]") {
+  // A rippled circle: radius 500 with 40 ripples of height 6, each about 79 units long; y -> y / (1 + (scale /
+  // wavelength)^4).
+  std::vector<Point> handles;
+  for (int k = 0; k < 320; ++k) {
+    const double angle = 2.0 * std::numbers::pi * k / 320;
+    handles.emplace_back((500.0 + 6.0 * std::cos(40.0 * angle)) * Point(std::cos(angle), std::sin(angle)));
+  }
+  const OutlineCurve curve(shapes::all_implied(shapes::points_of(handles)), {.tolerance = 0.05});
+  const auto ripple = [&](double scale) {
+    const Points smoothed = curve.control_points() + smooth_by_energy(curve, scale).field;
+    double low = 1e9;
+    double high = 0.0;
+    for (double t = -0.5; t < curve.size() - 0.5; t += 0.1) {
+      const double radius = evaluate_spline(smoothed, t).norm();
+      low = std::min(low, radius);
+      high = std::max(high, radius);
+    }
+    return 0.5 * (high - low);
+  };
+  const double whole = ripple(0.0);
+  CHECK(ripple(20.0) == Approx(whole / (1.0 + std::pow(20.0 / 79.0, 4))).epsilon(0.03));
+  CHECK(ripple(79.0) == Approx(whole / 2.0).epsilon(0.12));
+  CHECK(ripple(400.0) < 0.01 * whole);
+  CHECK_THROWS_AS(smooth_by_energy(curve, -1.0), InvalidInput);
+  CHECK_THROWS_AS(smooth_by_energy(curve, std::numeric_limits<double>::infinity()), InvalidInput);
+}
