@@ -82,23 +82,42 @@ class ObjectReader {
 
 constexpr const char* later = "is not in this version of glyphwave";
 
-Step read_step(const Json& json, const std::string& path) {
-  ObjectReader reader(json, path);
-  const std::string op = reader.take_choice("op", {"sweep", "smooth", "equalize", "character", "weight"}, "");
-  if (op != "sweep") reader.fail("op", "\"" + op + "\" " + later);
+Step read_sweep(ObjectReader& reader) {
   SweepStep step;
-  step.glyph = reader.take_text("glyph", "");
-  if (reader.has("contour")) {
-    const Json& contour = reader.take("contour");
-    if (!contour.is_number_integer() || contour.get<std::int64_t>() < 0 || contour.get<std::int64_t>() > 65535) {
-      reader.fail("contour", "must be a whole number from 0");
-    }
-    step.contour = contour.get<int>();
-  }
   step.near = reader.take_point("near");
   step.move = reader.take_point("move");
   step.breadth = reader.take_number("breadth");
   if (!(step.breadth > 0.0)) reader.fail("breadth", "must be positive");
+  return step;
+}
+
+Step read_smooth(ObjectReader& reader) {
+  SmoothStep step;
+  step.scale = reader.take_number("scale");
+  if (!(step.scale >= 0.0)) reader.fail("scale", "must not be negative");
+  return step;
+}
+
+Step read_step(const Json& json, const std::string& path) {
+  ObjectReader reader(json, path);
+  const std::string op = reader.take_choice("op", {"sweep", "smooth", "equalize", "character", "weight"}, "");
+  if (op != "sweep" && op != "smooth") reader.fail("op", "\"" + op + "\" " + later);
+  Step step = op == "sweep" ? read_sweep(reader) : read_smooth(reader);
+  const std::string glyph = reader.take_text("glyph", "");
+  std::optional<int> contour;
+  if (reader.has("contour")) {
+    const Json& index = reader.take("contour");
+    if (!index.is_number_integer() || index.get<std::int64_t>() < 0 || index.get<std::int64_t>() > 65535) {
+      reader.fail("contour", "must be a whole number from 0");
+    }
+    contour = index.get<int>();
+  }
+  std::visit(
+      [&](auto& any) {
+        any.glyph = glyph;
+        any.contour = contour;
+      },
+      step);
   reader.finish();
   return step;
 }
@@ -176,6 +195,9 @@ Recipe read_recipe(const std::string& json) {
   recipe.on_crossing = crossing == "reduce"   ? OnCrossing::Reduce
                        : crossing == "refuse" ? OnCrossing::Refuse
                                               : OnCrossing::Allow;
+  const bool smooths = std::any_of(recipe.steps.begin(), recipe.steps.end(),
+                                   [](const Step& step) { return std::holds_alternative<SmoothStep>(step); });
+  if (smooths && !recipe.keep.corners) reader.fail("keep.corners", std::string("false with a smooth step ") + later);
   if (reader.has("seed")) {
     const Json& seed = reader.take("seed");
     if (!seed.is_number_unsigned()) reader.fail("seed", "must be a whole number from 0");

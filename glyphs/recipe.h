@@ -19,7 +19,14 @@ struct SweepStep {
   double breadth = 0.0;        ///< length of outline that the edit moves, font units
 };
 
-using Step = std::variant<SweepStep>;
+/// Takes away features shorter than a scale, arc by arc; corners and straight arcs stay. [FS94] smoothing, by energy.
+struct SmoothStep {
+  std::string glyph;           ///< as in SweepStep
+  std::optional<int> contour;  ///< which contour; none: every one that has an inside
+  double scale = 0.0;          ///< length of the features to go, font units
+};
+
+using Step = std::variant<SweepStep, SmoothStep>;
 
 enum class KeepArea { Glyph, Contour, None };
 enum class OnCrossing { Reduce, Refuse, Allow };

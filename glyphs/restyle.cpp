@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <numeric>
 
 #include "fontcore/crossing.h"
 #include "fontcore/edit.h"
@@ -25,7 +26,7 @@ constexpr double worth_a_note = 5e-4;        // area error after rounding, relat
 
 // A step of the recipe as it applies to one glyph, in font units.
 struct PlacedStep {
-  SweepStep step;
+  Step step;
   int contour = 0;
 };
 
@@ -50,16 +51,14 @@ class GlyphEditor {
         recipe_(recipe),
         curves_(original_.size()) {
     const double unit = recipe.lengths_in_thousandths ? font.units_per_em / 1000.0 : 1.0;
-    for (const Step& any : recipe.steps) {
-      PlacedStep placed{std::get<SweepStep>(any), 0};
-      SweepStep& step = placed.step;
-      if (!step.glyph.empty() && select_glyphs(font, step.glyph) != std::vector<int>{glyph.id}) continue;
-      if (step.move == Point::Zero()) continue;
-      step.near = step.near * unit + drawn_at_;
-      step.move *= unit;
-      step.breadth *= unit;
-      placed.contour = contour_of(step);
-      steps_.push_back(std::move(placed));
+    for (const Step& step : recipe.steps) {
+      const std::string& about = std::visit([](const auto& any) -> const std::string& { return any.glyph; }, step);
+      if (!about.empty() && select_glyphs(font, about) != std::vector<int>{glyph.id}) continue;
+      if (const auto* sweep = std::get_if<SweepStep>(&step)) {
+        place(*sweep, unit);
+      } else {
+        place(std::get<SmoothStep>(step), unit);
+      }
     }
     rules_.lines = recipe.keep.lines;
     rules_.smooth_joins = recipe.keep.smooth_joins;
@@ -94,16 +93,35 @@ class GlyphEditor {
   }
 
  private:
-  int contour_of(const SweepStep& step) const {
-    const int count = static_cast<int>(original_.size());
+  void place(SweepStep step, double unit) {
+    if (step.move == Point::Zero()) return;
+    step.near = step.near * unit + drawn_at_;
+    step.move *= unit;
+    step.breadth *= unit;
+    steps_.push_back({step, step.contour ? checked(*step.contour) : nearest_contour(step.near)});
+  }
+  void place(SmoothStep step, double unit) {
+    if (step.scale == 0.0) return;
+    step.scale *= unit;
     if (step.contour) {
-      if (*step.contour >= count) throw Refusal{text("there is no contour ", *step.contour, ": it has ", count)};
-      return *step.contour;
+      steps_.push_back({step, checked(*step.contour)});
+      return;
     }
+    for (std::size_t k = 0; k < original_.size(); ++k) {  // what has no inside is carried through
+      if (original_[k].point_count() >= 3 && signed_area(original_[k]) != 0.0)
+        steps_.push_back({step, static_cast<int>(k)});
+    }
+  }
+  int checked(int contour) const {
+    const int count = static_cast<int>(original_.size());
+    if (contour >= count) throw Refusal{text("there is no contour ", contour, ": it has ", count)};
+    return contour;
+  }
+  int nearest_contour(const Point& place) const {
     int best = 0;
     double nearest = std::numeric_limits<double>::infinity();
-    for (int c = 0; c < count; ++c) {
-      const double distance = fontcore::nearest_point(original_[static_cast<std::size_t>(c)], step.near).distance;
+    for (int c = 0; c < static_cast<int>(original_.size()); ++c) {
+      const double distance = fontcore::nearest_point(original_[static_cast<std::size_t>(c)], place).distance;
       if (distance < nearest) {
         nearest = distance;
         best = c;
@@ -125,40 +143,54 @@ class GlyphEditor {
     }
   }
 
-  StepReport apply(const PlacedStep& placed, double amount, Contours& contours,
-                   std::optional<fontcore::OutlineCurve::Location>& handle) {
-    const SweepStep& step = placed.step;
-    BezierContour& contour = contours[static_cast<std::size_t>(placed.contour)];
-    const fontcore::OutlineCurve curve = curve_of(placed.contour, contour);
+  // The wish of a sweep, and what the report says of it.
+  void wish(const SweepStep& step, double amount, const fontcore::OutlineCurve& curve, fontcore::StructureEdit& edit,
+            StepReport& report) const {
+    const BezierContour& contour = curve.contour();
     const auto [segment, u, distance] = fontcore::nearest_point(contour, step.near);
     const fontcore::Sweep sweep = fontcore::sweep(curve, curve.parameter(segment, u), amount * step.move, step.breadth);
-
-    fontcore::StructureEdit edit;
     edit.field = recipe_.keep.corners ? respect_corners(curve, sweep.field) : sweep.field;
     edit.handle = fontcore::OutlineCurve::Location{segment, u};
     edit.move = amount * step.move;
     edit.handle_move = handle_move_;
     edit.breadth = step.breadth;
+    report.op = "sweep";
+    report.handle = evaluate(contour.segment(segment), u) - drawn_at_;
+    report.asked = step.move;
+    report.level = sweep.level;
+  }
+  void wish(const SmoothStep& step, double amount, const fontcore::OutlineCurve& curve, fontcore::StructureEdit& edit,
+            StepReport& report) const {
+    const fontcore::Smoothing smoothing = fontcore::smooth_by_energy(curve, step.scale);
+    edit.field = amount * smoothing.field;
+    edit.breadth = step.scale;
+    report.op = "smooth";
+    report.energy_before = std::accumulate(smoothing.energy_before.begin(), smoothing.energy_before.end(), 0.0);
+    report.energy_after = std::accumulate(smoothing.energy_after.begin(), smoothing.energy_after.end(), 0.0);
+  }
+
+  StepReport apply(const PlacedStep& placed, double amount, Contours& contours,
+                   std::optional<fontcore::OutlineCurve::Location>& handle) {
+    BezierContour& contour = contours[static_cast<std::size_t>(placed.contour)];
+    const fontcore::OutlineCurve curve = curve_of(placed.contour, contour);
+    StepReport report;
+    report.contour = placed.contour;
+    report.levels = curve.levels();
+    fontcore::StructureEdit edit;
+    std::visit([&](const auto& step) { wish(step, amount, curve, edit, report); }, placed.step);
+    if (edit.field.isZero(0.0)) return report;
     edit.rules = rules_;
     // Every step gives its own area back, so glyph and contour ask the same of it; they differ in rounding.
     if (recipe_.keep.area != KeepArea::None)
       edit.area = signed_area(original_[static_cast<std::size_t>(placed.contour)]);
     fontcore::StructureFit fit = fontcore::refit_structure(curve, edit);
     if (!fit.report.failed.empty()) throw Refusal{text("contour ", placed.contour, ": ", fit.report.failed)};
-
-    StepReport report;
-    report.op = "sweep";
-    report.contour = placed.contour;
-    report.handle = evaluate(contour.segment(segment), u) - drawn_at_;
-    report.asked = step.move;
     report.got = fit.got;
-    report.level = sweep.level;
-    report.levels = curve.levels();
     report.against = std::move(fit.against);
     report.off_wish = fit.off_wish;
     contour = std::move(fit.contour);
     // A handle the rules did not hold back must not be lost to rounding.
-    if (report.against.empty()) handle = edit.handle;
+    if (edit.handle && report.against.empty()) handle = edit.handle;
     return report;
   }
 
@@ -243,11 +275,13 @@ double emission_deviation(const Contours& solved, const Contours& emitted, doubl
   return deviation;
 }
 
-// How much of what was asked the handles got, on average over the steps.
+// How much of what was asked the handles got, summed over the steps.
 double progress(const Attempt& attempt) {
   double sum = 0.0;
-  for (const StepReport& step : attempt.steps) sum += step.got.dot(step.asked) / step.asked.squaredNorm();
-  return sum / static_cast<double>(attempt.steps.size());
+  for (const StepReport& step : attempt.steps) {
+    if (step.asked != Point::Zero()) sum += step.got.dot(step.asked) / step.asked.squaredNorm();
+  }
+  return sum;
 }
 
 // The edit that comes nearest to the wish without adding a crossing: the largest safe amount, found by bisection; or,
@@ -356,7 +390,16 @@ namespace {
 // recipe.
 void check_steps(const Font& font, const Recipe& recipe, const std::vector<int>& selected) {
   for (std::size_t k = 0; k < recipe.steps.size(); ++k) {
-    const SweepStep& step = std::get<SweepStep>(recipe.steps[k]);
+    struct {
+      std::string glyph;
+      std::optional<int> contour;
+    } step;
+    std::visit(
+        [&](const auto& any) {
+          step.glyph = any.glyph;
+          step.contour = any.contour;
+        },
+        recipe.steps[k]);
     if (step.glyph.empty()) continue;
     const std::vector<int> named = select_glyphs(font, step.glyph);
     if (named.size() != 1)
@@ -447,15 +490,20 @@ std::string report_json(const Font& font, const RestyleResult& result) {
     if (!report.notes.empty()) glyph["notes"] = report.notes;
     Json steps = Json::array();
     for (const StepReport& step : report.steps) {
-      steps.push_back({{"op", step.op},
-                       {"contour", step.contour},
-                       {"handle", pair(step.handle)},
-                       {"asked", pair(step.asked)},
-                       {"got", pair(step.got)},
-                       {"level", step.level},
-                       {"levels", step.levels},
-                       {"off_wish", step.off_wish},
-                       {"against", step.against}});
+      Json one = {{"op", step.op}, {"contour", step.contour}};
+      if (step.op == "sweep") {
+        one["handle"] = pair(step.handle);
+        one["asked"] = pair(step.asked);
+        one["got"] = pair(step.got);
+        one["level"] = step.level;
+      } else {
+        one["energy_before"] = step.energy_before;
+        one["energy_after"] = step.energy_after;
+      }
+      one["levels"] = step.levels;
+      one["off_wish"] = step.off_wish;
+      one["against"] = step.against;
+      steps.push_back(std::move(one));
     }
     glyph["steps"] = std::move(steps);
     out += (k == 0 ? "\n    " : ",\n    ") + glyph.dump();

@@ -10,7 +10,7 @@
 
 namespace glyphs {
 
-/// What became of one step on one glyph.
+/// What became of one step on one contour of a glyph. Handle, asked and got are a sweep's.
 struct StepReport {
   std::string op;
   int contour = 0;
@@ -20,7 +20,9 @@ struct StepReport {
   double level = 0.0;                ///< fractional level j + t of the edit
   int levels = 0;                    ///< level of the finest control points
   std::vector<std::string> against;  ///< what stood against the wish, by name; empty if it was met
-  double off_wish = 0.0;             ///< largest distance of the solved displacement from the wished one, font units
+  double energy_before = 0.0;        ///< of a smooth step: bending energy of the contour's model, 1 / font units
+  double energy_after = 0.0;
+  double off_wish = 0.0;  ///< largest distance of the solved displacement from the wished one, font units
 };
 
 /// What became of one glyph.

@@ -82,8 +82,12 @@ TEST_CASE("unknown and repeated keys, wrong types and what cannot be honoured ar
   CHECK(refusal(with_step(R"("near": [1, 2], "move": [3, 4], "breadth": 0)")) ==
         "r.json: steps[0].breadth: must be positive");
   CHECK(refusal(with_step(step + R"(, "contour": -1)")) == "r.json: steps[0].contour: must be a whole number from 0");
-  CHECK(refusal(R"({"steps": [{"op": "smooth", "scale": 60}]})") ==
-        "r.json: steps[0].op: \"smooth\" is not in this version of glyphwave");
+  CHECK(refusal(R"({"steps": [{"op": "smooth", "scale": 60, "glyph": "a"}]})").empty());
+  CHECK(refusal(R"({"steps": [{"op": "smooth", "scale": -1}]})") == "r.json: steps[0].scale: must not be negative");
+  CHECK(refusal(R"({"steps": [{"op": "smooth", "scale": 6}], "keep": {"corners": false}})") ==
+        "r.json: keep.corners: false with a smooth step is not in this version of glyphwave");
+  CHECK(refusal(R"({"steps": [{"op": "weight", "model": "b.json"}]})") ==
+        "r.json: steps[0].op: \"weight\" is not in this version of glyphwave");
   CHECK(refusal(R"({"steps": [{"op": "swep"}]})") ==
         "r.json: steps[0].op: \"swep\" is not one of \"sweep\", \"smooth\", \"equalize\", \"character\", \"weight\"");
   CHECK(refusal(R"({"steps": [], "keep": {"length": true}})") ==

@@ -226,6 +226,29 @@ TEST_CASE("lengths may be thousandths of the em, and near is where the glyph is 
   CHECK(drawn.report.steps[0].handle == plain.report.steps[0].handle - Point(100, 0));
 }
 
+TEST_CASE("letters are smoothed with corners, area and structure kept, and a scale of 0 changes nothing", "[restyle]") {
+  for (const std::string& path : bundled_ttf) {
+    const Font font = load_font(path);
+    Recipe recipe;
+    recipe.glyphs = "U+0061-007A";
+    recipe.steps = {SmoothStep{.scale = 0.0}};
+    CHECK(restyle(font, recipe).font.data == *font.data);
+    for (const double scale : {60.0, 250.0}) {
+      recipe.steps = {SmoothStep{.scale = scale}};
+      for (const char letter : std::string("aegnosy")) {
+        const Glyph& glyph = font.glyphs[static_cast<std::size_t>(font.find(std::string(1, letter)))];
+        const GlyphResult result = restyle_glyph(font, glyph.id, recipe);
+        INFO(path << " " << glyph.name << " at " << scale);
+        CHECK(result.report.refused.empty());
+        CHECK(result.report.steps.size() == glyph.contours.size());
+        CHECK(std::abs(result.report.area_unrounded / result.report.area_before - 1.0) < 1e-9);
+        CHECK(std::abs(result.report.area_after / result.report.area_before - 1.0) < 5e-4);
+        for (const StepReport& step : result.report.steps) CHECK(step.energy_after <= step.energy_before);
+      }
+    }
+  }
+}
+
 TEST_CASE("composites are refused with the parts to edit instead", "[restyle]") {
   const Font font = load_font(bundled_ttf[0]);
   Recipe recipe = recipe_of(step_at({300, 300}, {20, 0}, 500));

@@ -191,7 +191,7 @@ TEST_CASE("a recipe that cannot be honoured is refused and an old output is unto
            "wobble": 2}]})",
        "wobble"},
       {R"({"glyphs": "a", "steps": [{"op": "melt"}]})", "melt"},
-      {R"({"glyphs": "a", "steps": [{"op": "smooth", "scale": 60}]})", "smooth"},
+      {R"({"glyphs": "a", "steps": [{"op": "weight", "model": "m.json"}]})", "weight"},
       {R"({"glyphs": "nosuchglyph", "steps": []})", "nosuchglyph"},
       {R"({"glyphs": "a", "steps": [{"op": "sweep", "glyph": "a", "contour": 7, "near": [1, 2], "move": [1, 1],
            "breadth": 100}]})",
