@@ -167,4 +167,24 @@ Smoothing smooth_by_energy(const OutlineCurve& curve, double scale) {
   return result;
 }
 
+Points equalize(const OutlineCurve& curve, const std::vector<Band>& bands) {
+  double before = 0.0;
+  for (const Band& band : bands) {
+    if (!(band.scale > before) || !std::isfinite(band.scale)) {
+      throw InvalidInput(text("equalize: scale ", band.scale, " does not rise from ", before));
+    }
+    if (!(band.gain >= 0.0) || !std::isfinite(band.gain)) {
+      throw InvalidInput(text("equalize: gain ", band.gain, " at scale ", band.scale, " is no gain"));
+    }
+    before = band.scale;
+  }
+  Points field = Points::Zero(curve.size(), 2);
+  for (const auto& [scale, gain] : bands) {
+    if (gain == 1.0) continue;
+    const Points finer = smooth_by_energy(curve, scale / std::numbers::sqrt2).field;
+    field += (gain - 1.0) * (finer - smooth_by_energy(curve, scale * std::numbers::sqrt2).field);
+  }
+  return field;
+}
+
 }  // namespace fontcore

@@ -55,4 +55,21 @@ struct Smoothing {
 /// Source  DESIGN, Smoothing; the energy of [HBS05] section 4.2, over arc length.
 Smoothing smooth_by_energy(const OutlineCurve& curve, double scale);
 
+/// A gain for the features of about one size.
+struct Band {
+  double scale = 0.0;  ///< length of the features, font units
+  double gain = 1.0;   ///< 1 leaves them, 0 takes them away, 2 doubles them
+};
+
+/// The displacement that makes features of some sizes stronger or weaker: an equaliser of octaves, arc by arc.
+///
+/// A band is what smoothing at scale / sqrt 2 leaves and smoothing at scale * sqrt 2 takes away; the displacement is
+/// the sum of (gain - 1) times the bands. So bands an octave apart share out what lies between them without gap or
+/// overlap, and with all gains 1 nothing is displaced, exactly.
+///
+/// Shape   N×2 like the control points.
+/// Throws  InvalidInput naming the band if scales are not positive and rising, or a gain is negative or not finite.
+/// Source  [FS94] smoothing and character as gains on detail, by the operator of `smooth_by_energy`.
+Points equalize(const OutlineCurve& curve, const std::vector<Band>& bands);
+
 }  // namespace fontcore

@@ -122,30 +122,62 @@ TEST_CASE("smoothing leaves corners and straight arcs where they are", "[edit]")
   CHECK(smooth_by_energy(square, 500.0).field.isZero(0.0));
 }
 
-TEST_CASE("a smoothed wave loses what is shorter than the scale and keeps what is longer", "[edit]") {
-  // A rippled circle: radius 500 with 40 ripples of height 6, each about 79 units long; y -> y / (1 + (scale /
-  // wavelength)^4).
-  std::vector<Point> handles;
-  for (int k = 0; k < 320; ++k) {
-    const double angle = 2.0 * std::numbers::pi * k / 320;
-    handles.emplace_back((500.0 + 6.0 * std::cos(40.0 * angle)) * Point(std::cos(angle), std::sin(angle)));
-  }
-  const OutlineCurve curve(shapes::all_implied(shapes::points_of(handles)), {.tolerance = 0.05});
-  const auto ripple = [&](double scale) {
-    const Points smoothed = curve.control_points() + smooth_by_energy(curve, scale).field;
-    double low = 1e9;
-    double high = 0.0;
-    for (double t = -0.5; t < curve.size() - 0.5; t += 0.1) {
-      const double radius = evaluate_spline(smoothed, t).norm();
-      low = std::min(low, radius);
-      high = std::max(high, radius);
+namespace {
+
+// A circle of radius 500 with 40 ripples of height 6, each about 79 units long.
+const OutlineCurve& rippled() {
+  static const OutlineCurve curve = [] {
+    std::vector<Point> handles;
+    for (int k = 0; k < 320; ++k) {
+      const double angle = 2.0 * std::numbers::pi * k / 320;
+      handles.emplace_back((500.0 + 6.0 * std::cos(40.0 * angle)) * Point(std::cos(angle), std::sin(angle)));
     }
-    return 0.5 * (high - low);
-  };
+    return OutlineCurve(shapes::all_implied(shapes::points_of(handles)), {.tolerance = 0.05});
+  }();
+  return curve;
+}
+
+double ripple_height(const Points& field) {
+  const Points moved = rippled().control_points() + field;
+  double low = std::numeric_limits<double>::infinity();
+  double high = 0.0;
+  for (double t = -0.5; t < rippled().size() - 0.5; t += 0.1) {
+    const double radius = evaluate_spline(moved, t).norm();
+    low = std::min(low, radius);
+    high = std::max(high, radius);
+  }
+  return 0.5 * (high - low);
+}
+
+}  // namespace
+
+TEST_CASE("a smoothed wave loses what is shorter than the scale and keeps what is longer", "[edit]") {
+  // Each wave of length l is divided by 1 + (scale / l)^4.
+  const auto ripple = [](double scale) { return ripple_height(smooth_by_energy(rippled(), scale).field); };
   const double whole = ripple(0.0);
   CHECK(ripple(20.0) == Approx(whole / (1.0 + std::pow(20.0 / 79.0, 4))).epsilon(0.03));
   CHECK(ripple(79.0) == Approx(whole / 2.0).epsilon(0.12));
   CHECK(ripple(400.0) < 0.01 * whole);
-  CHECK_THROWS_AS(smooth_by_energy(curve, -1.0), InvalidInput);
-  CHECK_THROWS_AS(smooth_by_energy(curve, std::numeric_limits<double>::infinity()), InvalidInput);
+  CHECK_THROWS_AS(smooth_by_energy(rippled(), -1.0), InvalidInput);
+  CHECK_THROWS_AS(smooth_by_energy(rippled(), std::numeric_limits<double>::infinity()), InvalidInput);
+}
+
+TEST_CASE("an equaliser's gain acts on features of its scale and leaves others", "[edit]") {
+  const double whole = ripple_height(Points::Zero(rippled().size(), 2));
+  const auto ripple = [](const std::vector<Band>& bands) { return ripple_height(equalize(rippled(), bands)); };
+  // At its middle a band holds 1/(1 + 1/4) - 1/(1 + 4) = 3/5 of a wave.
+  CHECK(ripple({{79.0, 0.0}}) == Approx(0.4 * whole).epsilon(0.1));
+  CHECK(ripple({{79.0, 2.0}}) == Approx(1.6 * whole).epsilon(0.05));
+  CHECK(ripple({{800.0, 0.0}}) == Approx(whole).epsilon(0.02));
+  CHECK(ripple({{8.0, 0.0}}) == Approx(whole).epsilon(0.02));
+  // Octaves share out what lies between them.
+  CHECK(ripple({{20.0, 0.0}, {40.0, 0.0}, {80.0, 0.0}, {160.0, 0.0}, {320.0, 0.0}}) < 0.02 * whole);
+}
+
+TEST_CASE("an equaliser with all gains 1 displaces nothing, and bands must rise", "[edit]") {
+  CHECK(equalize(specimen(), {{20.0, 1.0}, {40.0, 1.0}}).isZero(0.0));
+  CHECK(equalize(specimen(), {}).isZero(0.0));
+  CHECK_THROWS_WITH(equalize(specimen(), {{40.0, 1.0}, {20.0, 1.0}}), "equalize: scale 20 does not rise from 40");
+  CHECK_THROWS_WITH(equalize(specimen(), {{40.0, -1.0}}), "equalize: gain -1 at scale 40 is no gain");
+  CHECK_THROWS_AS(equalize(specimen(), {{0.0, 1.0}}), InvalidInput);
 }
