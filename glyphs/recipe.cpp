@@ -98,11 +98,29 @@ Step read_smooth(ObjectReader& reader) {
   return step;
 }
 
+Step read_equalize(ObjectReader& reader) {
+  EqualizeStep step;
+  const Json& bands = reader.take("bands");
+  if (!bands.is_object()) reader.fail("bands", "must be an object: {\"20\": 0.5, \"80\": 1.3}");
+  for (const auto& [key, gain] : bands.items()) {
+    fontcore::Band band;
+    const auto [end, status] = std::from_chars(key.data(), key.data() + key.size(), band.scale);
+    if (status != std::errc() || end != key.data() + key.size() || !(band.scale > 0.0) || !std::isfinite(band.scale)) {
+      reader.fail("bands." + key, "a band is named by a length");
+    }
+    if (!step.bands.empty() && band.scale <= step.bands.back().scale) reader.fail("bands." + key, "lengths must rise");
+    if (!gain.is_number() || gain.get<double>() < 0.0) reader.fail("bands." + key, "a gain is a number from 0");
+    band.gain = gain.get<double>();
+    step.bands.push_back(band);
+  }
+  return step;
+}
+
 Step read_step(const Json& json, const std::string& path) {
   ObjectReader reader(json, path);
   const std::string op = reader.take_choice("op", {"sweep", "smooth", "equalize", "character", "weight"}, "");
-  if (op != "sweep" && op != "smooth") reader.fail("op", "\"" + op + "\" " + later);
-  Step step = op == "sweep" ? read_sweep(reader) : read_smooth(reader);
+  if (op == "character" || op == "weight" || op.empty()) reader.fail("op", "\"" + op + "\" " + later);
+  Step step = op == "sweep" ? read_sweep(reader) : op == "smooth" ? read_smooth(reader) : read_equalize(reader);
   const std::string glyph = reader.take_text("glyph", "");
   std::optional<int> contour;
   if (reader.has("contour")) {
@@ -195,9 +213,11 @@ Recipe read_recipe(const std::string& json) {
   recipe.on_crossing = crossing == "reduce"   ? OnCrossing::Reduce
                        : crossing == "refuse" ? OnCrossing::Refuse
                                               : OnCrossing::Allow;
-  const bool smooths = std::any_of(recipe.steps.begin(), recipe.steps.end(),
-                                   [](const Step& step) { return std::holds_alternative<SmoothStep>(step); });
-  if (smooths && !recipe.keep.corners) reader.fail("keep.corners", std::string("false with a smooth step ") + later);
+  const bool arcwise = std::any_of(recipe.steps.begin(), recipe.steps.end(),
+                                   [](const Step& step) { return !std::holds_alternative<SweepStep>(step); });
+  if (arcwise && !recipe.keep.corners) {
+    reader.fail("keep.corners", std::string("false with a smooth or equalize step ") + later);
+  }
   if (reader.has("seed")) {
     const Json& seed = reader.take("seed");
     if (!seed.is_number_unsigned()) reader.fail("seed", "must be a whole number from 0");

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "fontcore/contour.h"
+#include "fontcore/edit.h"
 #include "glyphs/font.h"
 
 namespace glyphs {
@@ -26,7 +27,14 @@ struct SmoothStep {
   double scale = 0.0;          ///< length of the features to go, font units
 };
 
-using Step = std::variant<SweepStep, SmoothStep>;
+/// Makes features of some sizes stronger or weaker, arc by arc.
+struct EqualizeStep {
+  std::string glyph;  ///< as in SmoothStep
+  std::optional<int> contour;
+  std::vector<fontcore::Band> bands;  ///< scales rising, font units
+};
+
+using Step = std::variant<SweepStep, SmoothStep, EqualizeStep>;
 
 enum class KeepArea { Glyph, Contour, None };
 enum class OnCrossing { Reduce, Refuse, Allow };

@@ -54,11 +54,7 @@ class GlyphEditor {
     for (const Step& step : recipe.steps) {
       const std::string& about = std::visit([](const auto& any) -> const std::string& { return any.glyph; }, step);
       if (!about.empty() && select_glyphs(font, about) != std::vector<int>{glyph.id}) continue;
-      if (const auto* sweep = std::get_if<SweepStep>(&step)) {
-        place(*sweep, unit);
-      } else {
-        place(std::get<SmoothStep>(step), unit);
-      }
+      std::visit([&](const auto& any) { place(any, unit); }, step);
     }
     rules_.lines = recipe.keep.lines;
     rules_.smooth_joins = recipe.keep.smooth_joins;
@@ -101,15 +97,23 @@ class GlyphEditor {
     steps_.push_back({step, step.contour ? checked(*step.contour) : nearest_contour(step.near)});
   }
   void place(SmoothStep step, double unit) {
-    if (step.scale == 0.0) return;
     step.scale *= unit;
-    if (step.contour) {
-      steps_.push_back({step, checked(*step.contour)});
+    if (step.scale > 0.0) place_on_contours(step, step.contour);
+  }
+  void place(EqualizeStep step, double unit) {
+    for (fontcore::Band& band : step.bands) band.scale *= unit;
+    const bool changes =
+        std::any_of(step.bands.begin(), step.bands.end(), [](const auto& band) { return band.gain != 1.0; });
+    if (changes) place_on_contours(step, step.contour);
+  }
+  void place_on_contours(const Step& step, std::optional<int> contour) {
+    if (contour) {
+      steps_.push_back({step, checked(*contour)});
       return;
     }
     for (std::size_t k = 0; k < original_.size(); ++k) {  // what has no inside is carried through
-      if (original_[k].point_count() >= 3 && signed_area(original_[k]) != 0.0)
-        steps_.push_back({step, static_cast<int>(k)});
+      const bool has_inside = original_[k].point_count() >= 3 && signed_area(original_[k]) != 0.0;
+      if (has_inside) steps_.push_back({step, static_cast<int>(k)});
     }
   }
   int checked(int contour) const {
@@ -167,6 +171,13 @@ class GlyphEditor {
     report.op = "smooth";
     report.energy_before = std::accumulate(smoothing.energy_before.begin(), smoothing.energy_before.end(), 0.0);
     report.energy_after = std::accumulate(smoothing.energy_after.begin(), smoothing.energy_after.end(), 0.0);
+  }
+
+  void wish(const EqualizeStep& step, double amount, const fontcore::OutlineCurve& curve, fontcore::StructureEdit& edit,
+            StepReport& report) const {
+    edit.field = amount * fontcore::equalize(curve, step.bands);
+    edit.breadth = step.bands.back().scale;
+    report.op = "equalize";
   }
 
   StepReport apply(const PlacedStep& placed, double amount, Contours& contours,
@@ -496,7 +507,7 @@ std::string report_json(const Font& font, const RestyleResult& result) {
         one["asked"] = pair(step.asked);
         one["got"] = pair(step.got);
         one["level"] = step.level;
-      } else {
+      } else if (step.op == "smooth") {
         one["energy_before"] = step.energy_before;
         one["energy_after"] = step.energy_after;
       }

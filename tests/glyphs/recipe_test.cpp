@@ -85,7 +85,15 @@ TEST_CASE("unknown and repeated keys, wrong types and what cannot be honoured ar
   CHECK(refusal(R"({"steps": [{"op": "smooth", "scale": 60, "glyph": "a"}]})").empty());
   CHECK(refusal(R"({"steps": [{"op": "smooth", "scale": -1}]})") == "r.json: steps[0].scale: must not be negative");
   CHECK(refusal(R"({"steps": [{"op": "smooth", "scale": 6}], "keep": {"corners": false}})") ==
-        "r.json: keep.corners: false with a smooth step is not in this version of glyphwave");
+        "r.json: keep.corners: false with a smooth or equalize step is not in this version of glyphwave");
+  const auto equalize = [](const std::string& bands) {
+    return refusal(R"({"steps": [{"op": "equalize", "bands": )" + bands + "}]}");
+  };
+  CHECK(equalize(R"({"20": 0.5, "80.5": 1.3})").empty());
+  CHECK(equalize(R"({"80": 0.5, "20": 1.3})") == "r.json: steps[0].bands.20: lengths must rise");
+  CHECK(equalize(R"({"20 units": 0.5})") == "r.json: steps[0].bands.20 units: a band is named by a length");
+  CHECK(equalize(R"({"20": -1})") == "r.json: steps[0].bands.20: a gain is a number from 0");
+  CHECK(equalize("[1]") == "r.json: steps[0].bands: must be an object: {\"20\": 0.5, \"80\": 1.3}");
   CHECK(refusal(R"({"steps": [{"op": "weight", "model": "b.json"}]})") ==
         "r.json: steps[0].op: \"weight\" is not in this version of glyphwave");
   CHECK(refusal(R"({"steps": [{"op": "swep"}]})") ==

@@ -226,13 +226,20 @@ TEST_CASE("lengths may be thousandths of the em, and near is where the glyph is 
   CHECK(drawn.report.steps[0].handle == plain.report.steps[0].handle - Point(100, 0));
 }
 
-TEST_CASE("letters are smoothed with corners, area and structure kept, and a scale of 0 changes nothing", "[restyle]") {
+TEST_CASE("letters are smoothed with corners, area and structure kept, and a scale of 0 or gains of 1 change nothing",
+          "[restyle]") {
   for (const std::string& path : bundled_ttf) {
     const Font font = load_font(path);
     Recipe recipe;
     recipe.glyphs = "U+0061-007A";
     recipe.steps = {SmoothStep{.scale = 0.0}};
     CHECK(restyle(font, recipe).font.data == *font.data);
+    recipe.steps = {EqualizeStep{.bands = {{40.0, 1.0}, {80.0, 1.0}}}};
+    CHECK(restyle(font, recipe).font.data == *font.data);
+    recipe.steps = {EqualizeStep{.bands = {{200.0, 1.8}, {400.0, 1.4}}}};
+    const RestyleResult sharpened = restyle(font, recipe);
+    CHECK(sharpened.refused() <= 2);  // i and j may be composites
+    CHECK(sharpened.changed() > 10);
     for (const double scale : {60.0, 250.0}) {
       recipe.steps = {SmoothStep{.scale = scale}};
       for (const char letter : std::string("aegnosy")) {
