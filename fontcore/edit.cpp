@@ -128,7 +128,7 @@ Smoothing smooth_by_energy(const OutlineCurve& curve, double scale) {
         if (row < 0) continue;
         for (int q = 0; q < 3; ++q) {
           const int j = control(i, q);
-          right.row(row) -= stiffness * form.bending(p, q) * x.row(j);
+          right.row(row) -= stiffness * form.bending(p, q) * (x.row(j) - x.row(i));  // a shift has no energy
           const int col = column[static_cast<std::size_t>(j)];
           if (col >= 0 && col <= row) entries.emplace_back(row, col, form.mass(p, q) + stiffness * form.bending(p, q));
         }
@@ -138,10 +138,15 @@ Smoothing smooth_by_energy(const OutlineCurve& curve, double scale) {
     system.setFromTriplets(entries.begin(), entries.end());
     const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>, Eigen::Lower> factor(system);
     const Points solved = factor.solve(right);
-    const double least = 1e-9 * curve.length();
     for (int i = 0; i < n; ++i) {
       const int row = column[static_cast<std::size_t>(i)];
-      if (row >= 0 && solved.row(row).norm() >= least) result.field.row(i) = solved.row(row);
+      if (row >= 0) result.field.row(i) = solved.row(row);
+    }
+    // An arc that only rounding moves stays; as a whole, since its energy hangs on differences of neighbours.
+    const double least = 1e-9 * curve.length();
+    for (const auto& [first, size] : curve.arcs()) {
+      auto arc = result.field.middleRows(first, size);
+      if (arc.rowwise().norm().maxCoeff() < least) arc.setZero();
     }
   }
   for (const auto& [first, size] : curve.arcs()) {
@@ -152,7 +157,7 @@ Smoothing smooth_by_energy(const OutlineCurve& curve, double scale) {
       Eigen::Matrix<double, 3, 2> c;
       Eigen::Matrix<double, 3, 2> d;
       for (int k = 0; k < 3; ++k) {
-        c.row(k) = x.row(control(i, k));
+        c.row(k) = x.row(control(i, k)) - x.row(i);  // from the piece's middle, or large coordinates would cancel
         d.row(k) = result.field.row(control(i, k));
       }
       const PieceForms& form = forms[static_cast<std::size_t>(i)];
