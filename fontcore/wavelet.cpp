@@ -1,62 +1,883 @@
 #include "fontcore/wavelet.h"
 
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <memory>
+#include <utility>
+
 #include "fontcore/error.h"
 
 namespace fontcore {
 
-namespace chaikin {
+namespace {
 
-Split analyze(const Points& fine) {
-  const Eigen::Index n = fine.rows();
-  if (n % 2 != 0 || n < 2 * min_coarse) {
-    throw InvalidInput(text("chaikin::analyze: ", n, " control points cannot be halved into at least ", min_coarse));
+using Eigen::Index;
+
+const char* name_of(Scheme scheme) {
+  switch (scheme) {
+    case Scheme::Chaikin:
+      return "chaikin";
+    case Scheme::Orthogonal:
+      return "orthogonal";
+    case Scheme::EndpointQuadratic:
+      return "endpoint_quadratic";
+    case Scheme::EndpointCubic:
+      return "endpoint_cubic";
   }
-  Split split{Points(n / 2, 2), Points(n / 2, 2)};
-  for (Eigen::Index i = 0; i < n / 2; ++i) {  // eq. 7
-    const auto a = fine.row((2 * i + n - 2) % n);
-    const auto b = fine.row((2 * i + n - 1) % n);
-    const auto c = fine.row(2 * i);
-    const auto d = fine.row(2 * i + 1);
-    split.coarse.row(i) = 0.25 * (-a + 3.0 * b + 3.0 * c - d);
-    split.detail.row(i) = 0.25 * (a - 3.0 * b + 3.0 * c - d);
+  return "unknown scheme";
+}
+
+Index coarser_size(Scheme scheme, Index size) {
+  return is_closed(scheme) ? size / 2 : (size - degree(scheme)) / 2 + degree(scheme);
+}
+
+bool can_halve(Scheme scheme, Index size) {
+  const Index spans = detail_count(scheme, size);
+  return spans > 0 && spans % 2 == 0 && coarser_size(scheme, size) >= fewest(scheme);
+}
+
+void require_finite(const char* function, const CoefficientsView& rows) {
+  if (rows.allFinite()) return;
+  for (Index i = 0; i < rows.rows(); ++i) {
+    for (Index k = 0; k < rows.cols(); ++k) {
+      if (!std::isfinite(rows(i, k))) {
+        throw InvalidInput(text(function, ": point ", i, ", column ", k, " is ", rows(i, k)));
+      }
+    }
+  }
+}
+
+void require_halvable(Scheme scheme, const char* function, Index size) {
+  if (!can_halve(scheme, size)) {
+    throw InvalidInput(text(name_of(scheme), "::", function, ": ", size,
+                            " control points cannot be halved into at least ", fewest(scheme)));
+  }
+}
+
+void require_levels(Scheme scheme, const char* function, Index size, int levels) {
+  const int most = most_levels(scheme, size);
+  if (levels < 0 || levels > most) {
+    throw InvalidInput(text(function, ": ", size, " control points of scheme ", name_of(scheme), " have 0 to ", most,
+                            " levels below them, not ", levels));
+  }
+}
+
+// ---- Closed curves. Kernels work on `width` numbers a point, one after the other; buffers must not overlap.
+
+// [HBS05] eq. 7 with its sums shared: A = (3 x_{2i} - x_{2i+1}) / 4, B = (3 x_{2i+1} - x_{2i}) / 4 are x less the
+// quarter of their sum; coarse_i = A_i + B_{i-1}, detail_i = A_i - B_{i-1}. `previous` is B_{i-1}.
+template <typename Row>
+Row split_pair(const Row& first, const Row& second, Row& previous, double* detail) {
+  const Row quarter = 0.25 * (first + second);
+  const Row A = first - quarter;
+  Eigen::Map<Row>{detail} = A - previous;
+  Row coarse = A + previous;
+  previous = second - quarter;
+  return coarse;
+}
+
+template <int width>
+void split_chaikin(const double* fine, Index m, double* coarse, double* detail) {
+  using Row = Eigen::Array<double, width, 1>;
+  using In = Eigen::Map<const Row>;
+  using Out = Eigen::Map<Row>;
+  const Row last = In(fine + (2 * m - 1) * width);
+  Row previous = last - 0.25 * (In(fine + (2 * m - 2) * width) + last);
+  for (Index i = 0; i < m; ++i) {
+    const double* pair = fine + 2 * i * width;
+    Out(coarse + i * width) = split_pair<Row>(In(pair), In(pair + width), previous, detail + i * width);
+  }
+}
+
+// Three levels of x, y pairs in one pass, 8m points to m: what lies between stays in registers. The details of the
+// three levels are m, 2m and 4m points, one after the other. The B before the first pair of a level is that of its
+// last: a run over the last two blocks of eight finds them, as what is unknown at its start dies out.
+void split_chaikin_thrice(const double* fine, Index m, double* coarse, double* details) {
+  using Row = Eigen::Array2d;
+  std::array<Row, 3> B = {Row::Zero(), Row::Zero(), Row::Zero()};
+  const auto split_block = [&](Index block, double* one, double* two, double* four) {
+    std::array<Row, 4> x;
+    for (std::size_t k = 0; k < 4; ++k) {
+      const double* pair = fine + 16 * block + 4 * k;
+      x[k] = split_pair<Row>(Eigen::Map<const Row>(pair), Eigen::Map<const Row>(pair + 2), B[0], four + 2 * k);
+    }
+    for (std::size_t k = 0; k < 2; ++k) x[k] = split_pair(x[2 * k], x[2 * k + 1], B[1], two + 2 * k);
+    return split_pair(x[0], x[1], B[2], one);
+  };
+  std::array<double, 14> unused;
+  for (Index block = m - 2; block < m; ++block) split_block(block, &unused[0], &unused[2], &unused[6]);
+  for (Index block = 0; block < m; ++block) {
+    Eigen::Map<Row>{coarse + 2 * block} =
+        split_block(block, details + 2 * block, details + 2 * m + 4 * block, details + 6 * m + 8 * block);
+  }
+}
+
+// [HBS05] eq. 8, corrected: x_{2i} and x_{2i+1} from here = c_i + d_i and there = c_{i+1} - d_{i+1}.
+template <int width>
+void merge_chaikin(const double* coarse, const double* detail, Index m, double* fine) {
+  using Row = Eigen::Array<double, width, 1>;
+  using In = Eigen::Map<const Row>;
+  using Out = Eigen::Map<Row>;
+  for (Index i = 0; i < m; ++i) {
+    const Index next = i + 1 == m ? 0 : i + 1;
+    const Row here = In(coarse + i * width) + In(detail + i * width);
+    const Row there = In(coarse + next * width) - In(detail + next * width);
+    Out(fine + 2 * i * width) = 0.75 * here + 0.25 * there;
+    Out(fine + (2 * i + 1) * width) = 0.25 * here + 0.75 * there;
+  }
+}
+
+Index wrapped(Index i, Index size) { return i < 0 ? i + size : i >= size ? i - size : i; }
+
+void adjoint_chaikin(const double* fine, Index m, double* coarse, double* detail) {
+  for (Index i = 0; i < m; ++i) {
+    const double a = fine[wrapped(2 * i - 2, 2 * m)];
+    const double b = fine[wrapped(2 * i - 1, 2 * m)];
+    const double c = fine[2 * i];
+    const double d = fine[2 * i + 1];
+    coarse[i] = 0.25 * (a + 3.0 * b + 3.0 * c + d);
+    detail[i] = 0.25 * (-a - 3.0 * b + 3.0 * c + d);
+  }
+}
+
+// Wavelet i of `orthogonal` over the fine points 2i - 4 .. 2i + 3.
+constexpr std::array<double, 8> quadratic_wavelet = {1.0 / 480,   -29.0 / 480,  147.0 / 480, -303.0 / 480,
+                                                     303.0 / 480, -147.0 / 480, 29.0 / 480,  -1.0 / 480};
+
+// Solves x_{i-2} + 26 x_{i-1} + 66 x_i + 26 x_{i+1} + x_{i+2} = 60 b_i, indices modulo m, in place: twice the Gram
+// matrix, of the coarse B-splines in fine spans. Its symbol has the roots z and 1/z of z + 1/z = -13 ± sqrt(105): two
+// recursions forward and two backward. The periodic solution is met by starting `warm_up` points ahead, from zero.
+void solve_gram(double* b, Index m) {
+  constexpr Index warm_up = 64;  // the slower root to this power is 4e-24
+  constexpr double z1 = -0.430575347099973791851;
+  constexpr double z2 = -0.0430962882032646538227;
+  constexpr double scale = 60.0 * z1 * z2;
+  double slow = 0.0;
+  double both = 0.0;
+  const auto step = [&](double value) {
+    slow = value + z1 * slow;
+    both = slow + z2 * both;
+  };
+  for (Index k = warm_up; k > 0; --k) step(b[((m - k) % m + m) % m]);
+  for (Index i = 0; i < m; ++i) {
+    step(b[i]);
+    b[i] = both;
+  }
+  slow = both = 0.0;
+  for (Index k = warm_up; k > 0; --k) step(b[(k - 1) % m]);
+  for (Index i = m - 1; i >= 0; --i) {
+    step(b[i]);
+    b[i] = both;
+  }
+  for (Index i = 0; i < m; ++i) b[i] *= scale;
+}
+
+// With B and A Chaikin's filters: B fine = B Q d, where B Q is the matrix of `solve_gram`, and c = A fine - A Q d, A Q
+// being 41/120 between neighbours and 1/60 between their neighbours, skew.
+void split_orthogonal(const double* fine, Index m, double* coarse, double* detail) {
+  split_chaikin<1>(fine, m, coarse, detail);
+  solve_gram(detail, m);
+  const auto lift = [&](Index i, Index before2, Index before, Index after, Index after2) {
+    coarse[i] -= 41.0 / 120.0 * (detail[after] - detail[before]) + 1.0 / 60.0 * (detail[after2] - detail[before2]);
+  };
+  const auto lift_wrapped = [&](Index i) {
+    lift(i, wrapped(i - 2, m), wrapped(i - 1, m), wrapped(i + 1, m), wrapped(i + 2, m));
+  };
+  lift_wrapped(0);
+  lift_wrapped(1);
+  for (Index i = 2; i < m - 2; ++i) lift(i, i - 2, i - 1, i + 1, i + 2);
+  lift_wrapped(m - 2);
+  lift_wrapped(m - 1);
+}
+
+void merge_orthogonal(const double* coarse, const double* detail, Index m, double* fine) {
+  const auto& q = quadratic_wavelet;
+  const auto merge = [&](Index i, Index before, Index after, Index after2) {
+    const double c = coarse[i];
+    const double c_after = coarse[after];
+    fine[2 * i] = 0.75 * c + 0.25 * c_after + q[6] * detail[before] + q[4] * detail[i] + q[2] * detail[after] +
+                  q[0] * detail[after2];
+    fine[2 * i + 1] = 0.25 * c + 0.75 * c_after + q[7] * detail[before] + q[5] * detail[i] + q[3] * detail[after] +
+                      q[1] * detail[after2];
+  };
+  merge(0, m - 1, 1, 2);
+  for (Index i = 1; i < m - 2; ++i) merge(i, i - 1, i + 1, i + 2);
+  merge(m - 2, m - 3, m - 1, 0);
+  merge(m - 1, m - 2, 0, 1);
+}
+
+void adjoint_orthogonal(const double* fine, Index m, double* coarse, double* detail) {
+  adjoint_chaikin(fine, m, coarse, detail);
+  for (Index i = 0; i < m; ++i) {
+    double sum = 0.0;
+    for (Index k = 0; k < 8; ++k)
+      sum += quadratic_wavelet[static_cast<std::size_t>(k)] * fine[wrapped(2 * i - 4 + k, 2 * m)];
+    detail[i] = sum;
+  }
+}
+
+// ---- Pieces of B-splines, and integrals over them.
+
+double binomial(int n, int k) {
+  double value = 1.0;
+  for (int i = 1; i <= k; ++i) value = value * (n - k + i) / i;
+  return value;
+}
+
+// Integral over [0, 1] of the product of two Bernstein polynomials; 0 for an index out of range.
+double bernstein_product(int n, int i, int m, int j) {
+  if (i < 0 || i > n || j < 0 || j > m) return 0.0;
+  return binomial(n, i) * binomial(m, j) / (binomial(n + m, i + j) * (n + m + 1));
+}
+
+// The form on the Bernstein polynomials of one span.
+Eigen::MatrixXd bernstein_form(Form form, int p) {
+  const auto slope = [&](int i, int j) {  // of B_i B_j'
+    return p * (bernstein_product(p, i, p - 1, j - 1) - bernstein_product(p, i, p - 1, j));
+  };
+  Eigen::MatrixXd matrix(p + 1, p + 1);
+  for (int i = 0; i <= p; ++i) {
+    for (int j = 0; j <= p; ++j) {
+      switch (form) {
+        case Form::Product:
+          matrix(i, j) = bernstein_product(p, i, p, j);
+          break;
+        case Form::Area:
+          matrix(i, j) = slope(i, j) - slope(j, i);
+          break;
+        case Form::Energy: {
+          constexpr std::array<int, 3> second_difference = {1, -2, 1};
+          double sum = 0.0;
+          for (int k = 0; k < 3; ++k) {
+            for (int l = 0; l < 3; ++l) {
+              sum += second_difference[static_cast<std::size_t>(k)] * second_difference[static_cast<std::size_t>(l)] *
+                     bernstein_product(p - 2, i - k, p - 2, j - l);
+            }
+          }
+          matrix(i, j) = 2.0 * p * (p - 1) * p * (p - 1) * sum;
+          break;
+        }
+      }
+    }
+  }
+  return matrix;
+}
+
+// Weights of control points e .. e + p in the polar form, at p arguments, of span e of `spans` unit spans with knots of
+// full multiplicity at both ends (de Boor's algorithm).
+Eigen::RowVectorXd polar_weights(int p, Index spans, Index e, const std::vector<double>& arguments) {
+  const auto knot = [&](Index i) { return static_cast<double>(std::clamp<Index>(i - p, 0, spans)); };
+  Eigen::MatrixXd points = Eigen::MatrixXd::Identity(p + 1, p + 1);
+  for (int r = 1; r <= p; ++r) {
+    for (int i = p; i >= r; --i) {
+      const double low = knot(e + i);
+      const double high = knot(e + i + p - r + 1);
+      const double a = (arguments[static_cast<std::size_t>(r - 1)] - low) / (high - low);
+      points.row(i) = (1.0 - a) * points.row(i - 1).eval() + a * points.row(i).eval();
+    }
+  }
+  return points.row(p);
+}
+
+// The form on control points e .. e + p over span e.
+Eigen::MatrixXd span_form(const Eigen::MatrixXd& bernstein, int p, Index spans, Index e) {
+  Eigen::MatrixXd to_bezier(p + 1, p + 1);
+  for (int k = 0; k <= p; ++k) {
+    std::vector<double> arguments(static_cast<std::size_t>(p), static_cast<double>(e));
+    for (int r = 0; r < k; ++r) arguments[static_cast<std::size_t>(p - 1 - r)] += 1.0;
+    to_bezier.row(k) = polar_weights(p, spans, e, arguments);
+  }
+  return to_bezier.transpose() * bernstein * to_bezier;
+}
+
+// Row i holds the entries of columns i - p .. i + p, indices modulo `size` if closed.
+Eigen::MatrixXd banded_form(Form form, int p, bool closed, Index size) {
+  const Eigen::MatrixXd bernstein = bernstein_form(form, p);
+  const Eigen::MatrixXd inner = span_form(bernstein, p, 2 * p + 1, p);
+  const Index spans = closed ? size : size - p;
+  Eigen::MatrixXd band = Eigen::MatrixXd::Zero(size, 2 * p + 1);
+  for (Index e = 0; e < spans; ++e) {
+    const bool is_inner = closed || (e >= p && e < spans - p);
+    const Eigen::MatrixXd local = is_inner ? inner : span_form(bernstein, p, spans, e);
+    for (int i = 0; i <= p; ++i) {
+      for (int j = 0; j <= p; ++j) band(wrapped(e + i, size), p + j - i) += local(i, j);
+    }
+  }
+  return band;
+}
+
+Coefficients apply_band(const Eigen::MatrixXd& band, bool closed, const CoefficientsView& x) {
+  const Index n = band.rows();
+  const Index p = band.cols() / 2;
+  Coefficients product = Coefficients::Zero(n, x.cols());
+  for (Index k = 0; k < x.cols(); ++k) {
+    for (Index s = -p; s <= p; ++s) {
+      const Index from = std::max<Index>(0, -s);
+      const Index count = std::max<Index>(0, n - std::abs(s));
+      product.col(k).segment(from, count).array() +=
+          band.col(p + s).segment(from, count).array() * x.col(k).segment(from + s, count).array();
+    }
+    if (!closed) continue;
+    for (Index s = 1; s <= p; ++s) {
+      for (Index i = 0; i < s; ++i) {
+        product(i, k) += band(i, p - s) * x(n + i - s, k);
+        product(n - 1 - i, k) += band(n - 1 - i, p + s) * x(s - 1 - i, k);
+      }
+    }
+  }
+  return product;
+}
+
+// ---- Open arcs: endpoint-interpolating B-splines of degree p on K coarse and 2K fine spans.
+//
+// Column j of P reaches over the fine rows max(j, 2j - p) .. min(K + j, 2j + 1); wavelet k over max(k, 2k - p) ..
+// min(K + p + k, 2p + 2k + 1): one row more than coarse functions it must be orthogonal to, which is the least, and so
+// unique up to its factor. K = 2p is the first K at which the functions at one end know nothing of the other end.
+
+template <int p>
+struct Inner;
+template <>
+struct Inner<2> {
+  static constexpr std::array<double, 4> scaling = {0.25, 0.75, 0.75, 0.25};
+  static constexpr std::array<double, 8> wavelet = quadratic_wavelet;
+};
+template <>
+struct Inner<3> {
+  static constexpr std::array<double, 5> scaling = {0.125, 0.5, 0.75, 0.5, 0.125};
+  static constexpr std::array<double, 11> wavelet = {
+      1.0 / 40320,     -124.0 / 40320,  1677.0 / 40320, -7904.0 / 40320, 18482.0 / 40320, -24264.0 / 40320,
+      18482.0 / 40320, -7904.0 / 40320, 1677.0 / 40320, -124.0 / 40320,  1.0 / 40320};
+};
+
+// One column of P or Q: its fine rows first .. first + size - 1.
+struct Column {
+  Index first;
+  Index size;
+  const double* values;
+};
+
+template <int p>
+class EndpointLevel {
+ public:
+  explicit EndpointLevel(Index spans) : K_(spans) {}
+
+  Column scaling(Index j) const {
+    if (K_ > 2 * p && j >= p && j < K_) return {2 * j - p, p + 2, Inner<p>::scaling.data()};
+    return stored(ends().P, j, K_ > 2 * p && j >= p ? j - (K_ - 2 * p) : j);
+  }
+  Column wavelet(Index k) const {
+    if (k >= p && k < K_ - p) return {2 * k - p, 3 * p + 2, Inner<p>::wavelet.data()};
+    return stored(ends().Q, k, K_ > 2 * p && k >= p ? k - (K_ - 2 * p) : k);
+  }
+
+  Coefficients merge(const CoefficientsView& coarse, const CoefficientsView& detail) const {
+    Coefficients fine(2 * K_ + p, coarse.cols());
+    for (Index c = 0; c < coarse.cols(); ++c) {
+      double* x = fine.col(c).data();
+      Index cleared = 0;
+      for (Index j = 0; j < K_; ++j) {  // all side by side, so that x is passed through once
+        for (; cleared < std::min(2 * K_ + p, 2 * (p + j + 1)); ++cleared) x[cleared] = 0.0;
+        add(scaling(j), coarse(j, c), x);
+        add(wavelet(j), detail(j, c), x);
+      }
+      for (Index j = K_; j < K_ + p; ++j) add(scaling(j), coarse(j, c), x);
+    }
+    return fine;
+  }
+
+  Split adjoint(const CoefficientsView& fine) const {
+    Split split{Coefficients(K_ + p, fine.cols()), Coefficients(K_, fine.cols())};
+    for (Index c = 0; c < fine.cols(); ++c) {
+      const double* x = fine.col(c).data();
+      for (Index j = 0; j < K_ + p; ++j) split.coarse(j, c) = dot(scaling(j), x);
+      for (Index k = 0; k < K_; ++k) split.detail(k, c) = dot(wavelet(k), x);
+    }
+    return split;
+  }
+
+  // [FS94] appendix B: with its columns interleaved, [P | Q] is banded. Gaussian elimination with row exchanges on a
+  // window of below + 1 rows; the right-hand sides go along, and every finished row of U is kept for the way back.
+  Split split(const CoefficientsView& fine) const {
+    const Index n = 2 * K_ + p;
+    const Index columns = fine.cols();
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> x(n + width - 1, columns);
+    x.topRows(n) = fine;
+    x.bottomRows(width - 1).setZero();
+    const auto upper = std::make_unique_for_overwrite<Row[]>(static_cast<std::size_t>(n));
+    std::array<Row, static_cast<std::size_t>(below + 1)> window{};
+    const std::array<Row, 2> inner = {matrix_row(inner_start(), inner_start() - below),
+                                      matrix_row(inner_start() + 1, inner_start() + 1 - below)};
+    const auto next_row = [&](Index i) {
+      const bool is_inner = i >= inner_start() && i < inner_end();
+      return is_inner ? inner[static_cast<std::size_t>((i - inner_start()) % 2)] : matrix_row(i, i - below);
+    };
+
+    for (Index i = 0; i <= std::min<Index>(below, n - 1); ++i) window[static_cast<std::size_t>(i)] = matrix_row(i, 0);
+    for (Index j = 0; j < n; ++j) {
+      const std::size_t rows = static_cast<std::size_t>(std::min<Index>(below, n - 1 - j));
+      std::size_t pivot = 0;
+      for (std::size_t r = 1; r <= rows; ++r) {
+        if (std::abs(window[r][0]) > std::abs(window[pivot][0])) pivot = r;
+      }
+      if (pivot != 0) {
+        std::swap(window[0], window[pivot]);
+        x.row(j).swap(x.row(j + static_cast<Index>(pivot)));
+      }
+      const Row top = window[0];
+      upper[static_cast<std::size_t>(j)] = top;
+      const double inverse = 1.0 / top[0];
+      double* right = x.row(j).data();
+      for (std::size_t r = 1; r <= rows; ++r) {
+        const double factor = window[r][0] * inverse;
+        for (std::size_t c = 1; c < width; ++c) window[r - 1][c - 1] = window[r][c] - factor * top[c];
+        window[r - 1][width - 1] = 0.0;
+        double* below_right = right + static_cast<Index>(r) * columns;
+        for (Index c = 0; c < columns; ++c) below_right[c] -= factor * right[c];
+      }
+      if (j + below + 1 < n) window[below] = next_row(j + below + 1);
+    }
+    for (Index j = n - 1; j >= 0; --j) {
+      const Row& row = upper[static_cast<std::size_t>(j)];
+      double* right = x.row(j).data();
+      for (Index c = 0; c < columns; ++c) {
+        double sum = right[c];
+        for (Index k = 1; k < width; ++k) sum -= row[static_cast<std::size_t>(k)] * right[k * columns + c];
+        right[c] = sum / row[0];
+      }
+    }
+
+    Split split{Coefficients(K_ + p, columns), Coefficients(K_, columns)};
+    for (Index j = 0; j < K_ + p; ++j) split.coarse.row(j) = x.row(std::max(j, std::min(2 * j - ahead, j + K_)));
+    for (Index k = 0; k < K_; ++k) split.detail.row(k) = x.row(2 * k + ahead + 1);
+    return split;
+  }
+
+ private:
+  // Interleaved order c_0 .. c_ahead, d_0, c_{ahead+1}, d_1, ..., then the last c's; reach of the rows in it.
+  static constexpr Index ahead = p / 2;
+  static constexpr Index below = 2 * p - ahead;
+  static constexpr Index above = p + ahead + 1;
+  static constexpr Index width = below + above + 1;
+  using Row = std::array<double, static_cast<std::size_t>(width)>;
+
+  struct Entry {
+    Index first;
+    std::vector<double> values;
+  };
+  // All columns of P and Q for one K up to 2p; those at the ends are the same for every larger K.
+  struct Ends {
+    std::vector<Entry> P;
+    std::vector<Entry> Q;
+  };
+
+  const Ends& ends() const {
+    static const std::array<Ends, static_cast<std::size_t>(2 * p)> all = make_ends();
+    return all[static_cast<std::size_t>(std::min<Index>(K_, 2 * p) - 1)];
+  }
+
+  static Column stored(const std::vector<Entry>& columns, Index index, Index stored_index) {
+    const Entry& entry = columns[static_cast<std::size_t>(stored_index)];
+    return {entry.first + 2 * (index - stored_index), static_cast<Index>(entry.values.size()), entry.values.data()};
+  }
+
+  static std::array<Ends, static_cast<std::size_t>(2 * p)> make_ends() {
+    std::array<Ends, static_cast<std::size_t>(2 * p)> all;
+    for (Index K = 1; K <= 2 * p; ++K) all[static_cast<std::size_t>(K - 1)] = make_ends(K);
+    return all;
+  }
+
+  static Ends make_ends(Index K) {
+    const Index n = 2 * K + p;
+    Eigen::MatrixXd P = Eigen::MatrixXd::Zero(n, K + p);
+    for (Index i = 0; i < n; ++i) {
+      std::vector<double> arguments;  // fine control point i is the polar form at its p fine knots
+      for (Index r = 1; r <= p; ++r) {
+        arguments.push_back(0.5 * static_cast<double>(std::clamp<Index>(i + r - p, 0, 2 * K)));
+      }
+      const Index span = std::max<Index>(i - p, 0) / 2;
+      P.row(i).segment(span, p + 1) = polar_weights(p, K, span, arguments);
+    }
+    const Eigen::MatrixXd band = banded_form(Form::Product, p, false, n);
+    const Eigen::MatrixXd constraints = apply_band(band, false, P).transpose();  // P'G: the Gram matrix is symmetric
+
+    Ends ends;
+    for (Index j = 0; j < K + p; ++j) {
+      const Index first = std::max(j, 2 * j - p);
+      const Eigen::VectorXd values = P.col(j).segment(first, std::min(K + j, 2 * j + 1) - first + 1);
+      ends.P.push_back({first, {values.begin(), values.end()}});
+    }
+    for (Index k = 0; k < K; ++k) {
+      const Index first = std::max(k, 2 * k - p);
+      const Index size = std::min(K + p + k, 2 * p + 2 * k + 1) - first + 1;
+      Eigen::FullPivLU<Eigen::MatrixXd> solver(constraints.middleCols(first, size));
+      solver.setThreshold(1e-10);  // of the largest pivot: the rank is size - 1, by total positivity
+      Eigen::VectorXd values = solver.kernel().col(0);
+      // Scale and signs as inside, and the right end a mirror of the left: first positive there, or last (-1)^(p+1).
+      const double inside = Eigen::Map<const Eigen::ArrayXd>(Inner<p>::wavelet.data(), 3 * p + 2).abs().maxCoeff();
+      const double end = 2 * k < K ? values[0] : (p % 2 == 0 ? -1.0 : 1.0) * values[size - 1];
+      values *= std::copysign(inside, end) / values.cwiseAbs().maxCoeff();
+      ends.Q.push_back({first, {values.begin(), values.end()}});
+    }
+    return ends;
+  }
+
+  static void add(const Column& column, double amount, double* x) {
+    double* const at = x + column.first;
+    for (Index r = 0; r < column.size; ++r) at[r] += column.values[r] * amount;
+  }
+  static double dot(const Column& column, const double* x) {
+    double sum = 0.0;
+    for (Index r = 0; r < column.size; ++r) sum += column.values[r] * x[column.first + r];
+    return sum;
+  }
+
+  // Rows all of whose columns are inner ones; empty on few spans.
+  Index inner_start() const { return 2 * p + ahead + 1 + below; }
+  Index inner_end() const { return 2 * (K_ - p) - above; }
+
+  // Entries of row i of the interleaved [P | Q] from column `from` on.
+  Row matrix_row(Index i, Index from) const {
+    Row row{};
+    for (Index c = std::max<Index>(from, 0); c < std::min(from + width, 2 * K_ + p); ++c) {
+      const Index behind = c - ahead - 1;
+      const bool is_wavelet = behind >= 0 && behind < 2 * K_ && behind % 2 == 0;
+      const Index j = behind < 0 ? c : behind < 2 * K_ ? ahead + 1 + behind / 2 : c - K_;
+      const Column column = is_wavelet ? wavelet(behind / 2) : scaling(j);
+      const Index r = i - column.first;
+      if (r >= 0 && r < column.size) row[static_cast<std::size_t>(c - from)] = column.values[r];
+    }
+    return row;
+  }
+
+  Index K_;
+};
+
+// ---- One level of any scheme, its arguments checked.
+
+using Kernel = void (*)(const double* fine, Index m, double* coarse, double* detail);
+
+Split split_columns(Kernel kernel, const CoefficientsView& fine) {
+  const Index m = fine.rows() / 2;
+  Split split{Coefficients(m, fine.cols()), Coefficients(m, fine.cols())};
+  for (Index k = 0; k < fine.cols(); ++k) {
+    kernel(fine.col(k).data(), m, split.coarse.col(k).data(), split.detail.col(k).data());
   }
   return split;
 }
 
-Points synthesize(const Points& coarse, const Points& detail) {
-  const Eigen::Index m = coarse.rows();
-  if (detail.rows() != m || m < min_coarse) {
-    throw InvalidInput(text("chaikin::synthesize: ", m, " control points with ", detail.rows(), " details"));
+Split split_level(Scheme scheme, const CoefficientsView& fine) {
+  switch (scheme) {
+    case Scheme::Chaikin:
+      return split_columns(split_chaikin<1>, fine);
+    case Scheme::Orthogonal:
+      return split_columns(split_orthogonal, fine);
+    case Scheme::EndpointQuadratic:
+      return EndpointLevel<2>((fine.rows() - 2) / 2).split(fine);
+    case Scheme::EndpointCubic:
+      return EndpointLevel<3>((fine.rows() - 3) / 2).split(fine);
   }
-  Points fine(2 * m, 2);
-  for (Eigen::Index i = 0; i < m; ++i) {  // eq. 8, corrected
-    const Eigen::Index next = i + 1 == m ? 0 : i + 1;
-    const Eigen::RowVector2d here = coarse.row(i) + detail.row(i);
-    const Eigen::RowVector2d there = coarse.row(next) - detail.row(next);
-    fine.row(2 * i) = 0.75 * here + 0.25 * there;
-    fine.row(2 * i + 1) = 0.25 * here + 0.75 * there;
+  return {};
+}
+
+Split adjoint_level(Scheme scheme, const CoefficientsView& fine) {
+  switch (scheme) {
+    case Scheme::Chaikin:
+      return split_columns(adjoint_chaikin, fine);
+    case Scheme::Orthogonal:
+      return split_columns(adjoint_orthogonal, fine);
+    case Scheme::EndpointQuadratic:
+      return EndpointLevel<2>((fine.rows() - 2) / 2).adjoint(fine);
+    case Scheme::EndpointCubic:
+      return EndpointLevel<3>((fine.rows() - 3) / 2).adjoint(fine);
+  }
+  return {};
+}
+
+Coefficients merge_level(Scheme scheme, const CoefficientsView& coarse, const CoefficientsView& detail) {
+  if (scheme == Scheme::EndpointQuadratic) return EndpointLevel<2>(detail.rows()).merge(coarse, detail);
+  if (scheme == Scheme::EndpointCubic) return EndpointLevel<3>(detail.rows()).merge(coarse, detail);
+  const auto kernel = scheme == Scheme::Chaikin ? merge_chaikin<1> : merge_orthogonal;
+  Coefficients fine(2 * coarse.rows(), coarse.cols());
+  for (Index k = 0; k < coarse.cols(); ++k) {
+    kernel(coarse.col(k).data(), detail.col(k).data(), coarse.rows(), fine.col(k).data());
   }
   return fine;
 }
 
-Points refine(const Points& coarse) { return synthesize(coarse, Points::Zero(coarse.rows(), 2)); }
+}  // namespace
+
+int most_levels(Scheme scheme, Index size) {
+  int levels = 0;
+  for (; can_halve(scheme, size); size = coarser_size(scheme, size)) ++levels;
+  return levels;
+}
+
+Split analyze(Scheme scheme, const CoefficientsView& fine) {
+  require_halvable(scheme, "analyze", fine.rows());
+  require_finite("analyze", fine);
+  return split_level(scheme, fine);
+}
+
+Coefficients synthesize(Scheme scheme, const CoefficientsView& coarse, const CoefficientsView& detail) {
+  if (coarse.rows() < fewest(scheme) || detail.rows() != detail_count(scheme, coarse.rows()) ||
+      detail.cols() != coarse.cols()) {
+    throw InvalidInput(text(name_of(scheme), "::synthesize: ", coarse.rows(), " control points of ", coarse.cols(),
+                            " columns with ", detail.rows(), " details of ", detail.cols()));
+  }
+  require_finite("synthesize: control points", coarse);
+  require_finite("synthesize: details", detail);
+  return merge_level(scheme, coarse, detail);
+}
+
+Coefficients refine(Scheme scheme, const CoefficientsView& coarse) {
+  const Index details = std::max<Index>(0, detail_count(scheme, coarse.rows()));
+  return synthesize(scheme, coarse, Coefficients::Zero(details, coarse.cols()));
+}
+
+Split adjoint(Scheme scheme, const CoefficientsView& fine) {
+  require_halvable(scheme, "adjoint", fine.rows());
+  require_finite("adjoint", fine);
+  return adjoint_level(scheme, fine);
+}
+
+namespace chaikin {
+
+Split analyze(const CoefficientsView& fine) { return fontcore::analyze(Scheme::Chaikin, fine); }
+
+Coefficients synthesize(const CoefficientsView& coarse, const CoefficientsView& detail) {
+  return fontcore::synthesize(Scheme::Chaikin, coarse, detail);
+}
+
+Coefficients refine(const CoefficientsView& coarse) { return fontcore::refine(Scheme::Chaikin, coarse); }
+
+namespace {
+
+void require_buffers(const char* function, std::size_t in, int levels, std::size_t out, std::size_t scratch) {
+  if (in % 2 != 0 || out != in || scratch < in / 2 + in / 4) {
+    throw InvalidInput(text(function, ": buffers of ", in, ", ", out, " and ", scratch,
+                            " numbers; x and y of N points take 2N, 2N, 3N/2"));
+  }
+  require_levels(Scheme::Chaikin, function, static_cast<Index>(in / 2), levels);
+}
+
+}  // namespace
+
+void analyze_into(std::span<const double> fine, int levels, std::span<double> out, std::span<double> scratch) {
+  require_buffers("chaikin::analyze_into", fine.size(), levels, out.size(), scratch.size());
+  if (levels == 0) std::ranges::copy(fine, out.begin());
+  const double* from = fine.data();
+  Index m = static_cast<Index>(fine.size() / 2);
+  std::array<double*, 2> spare = {scratch.data(), scratch.data() + fine.size() / 2};
+  while (levels > 0) {
+    const int step = levels >= 3 ? 3 : 1;
+    levels -= step;
+    m >>= step;
+    double* const coarse = levels == 0 ? out.data() : spare[0];
+    if (step == 3) {
+      split_chaikin_thrice(from, m, coarse, out.data() + 2 * m);
+    } else {
+      split_chaikin<2>(from, m, coarse, out.data() + 2 * m);
+    }
+    from = coarse;
+    std::swap(spare[0], spare[1]);
+  }
+  // Every number of `fine` weighs in the coarsest points, so one that is not finite shows there.
+  if (std::all_of(out.data(), out.data() + 2 * m, [](double value) { return std::isfinite(value); })) return;
+  require_finite("chaikin::analyze_into",
+                 Eigen::Map<const Eigen::Matrix2Xd>(fine.data(), 2, static_cast<Index>(fine.size() / 2)).transpose());
+  throw InvalidInput("chaikin::analyze_into: numbers so large that their sums are not finite");
+}
+
+void synthesize_into(std::span<const double> coefficients, int levels, std::span<double> fine,
+                     std::span<double> scratch) {
+  require_buffers("chaikin::synthesize_into", coefficients.size(), levels, fine.size(), scratch.size());
+  if (levels == 0) std::ranges::copy(coefficients, fine.begin());
+  const double* from = coefficients.data();
+  Index m = static_cast<Index>(coefficients.size() / 2) >> levels;
+  double* const spare[] = {scratch.data(), scratch.data() + coefficients.size() / 2};
+  for (int level = levels - 1; level >= 0; --level, m *= 2) {
+    double* const next = level == 0 ? fine.data() : spare[(level - 1) % 2];
+    merge_chaikin<2>(from, coefficients.data() + 2 * m, m, next);
+    from = next;
+  }
+}
 
 }  // namespace chaikin
 
-MultiresCurve decompose(const Points& fine, int levels) {
-  MultiresCurve curve{fine, {}};
-  for (int level = 0; level < levels; ++level) {
-    auto [coarse, detail] = chaikin::analyze(curve.coarse);
-    curve.coarse = std::move(coarse);
-    curve.details.insert(curve.details.begin(), std::move(detail));
+namespace orthogonal {
+
+Split analyze(const CoefficientsView& fine) { return fontcore::analyze(Scheme::Orthogonal, fine); }
+
+Coefficients synthesize(const CoefficientsView& coarse, const CoefficientsView& detail) {
+  return fontcore::synthesize(Scheme::Orthogonal, coarse, detail);
+}
+
+}  // namespace orthogonal
+
+namespace endpoint_quadratic {
+
+Split analyze(const CoefficientsView& fine) { return fontcore::analyze(Scheme::EndpointQuadratic, fine); }
+
+Coefficients synthesize(const CoefficientsView& coarse, const CoefficientsView& detail) {
+  return fontcore::synthesize(Scheme::EndpointQuadratic, coarse, detail);
+}
+
+}  // namespace endpoint_quadratic
+
+namespace endpoint_cubic {
+
+Split analyze(const CoefficientsView& fine) { return fontcore::analyze(Scheme::EndpointCubic, fine); }
+
+Coefficients synthesize(const CoefficientsView& coarse, const CoefficientsView& detail) {
+  return fontcore::synthesize(Scheme::EndpointCubic, coarse, detail);
+}
+
+}  // namespace endpoint_cubic
+
+MultiresCurve decompose(Scheme scheme, const CoefficientsView& fine, int levels) {
+  require_levels(scheme, "decompose", fine.rows(), levels);
+  require_finite("decompose", fine);
+  MultiresCurve curve{{}, std::vector<Coefficients>(static_cast<std::size_t>(levels)), scheme};
+  if (levels == 0) curve.coarse = fine;
+  for (int level = levels - 1; level >= 0; --level) {
+    Split split = level == levels - 1 ? split_level(scheme, fine) : split_level(scheme, curve.coarse);
+    curve.coarse = std::move(split.coarse);
+    curve.details[static_cast<std::size_t>(level)] = std::move(split.detail);
   }
   return curve;
 }
 
-Points reconstruct(const MultiresCurve& curve) {
-  Points fine = curve.coarse;
-  for (const Points& detail : curve.details) fine = chaikin::synthesize(fine, detail);
+MultiresCurve decompose(const CoefficientsView& fine, int levels) { return decompose(Scheme::Chaikin, fine, levels); }
+
+Coefficients reconstruct(const MultiresCurve& curve) {
+  Coefficients fine = curve.coarse;
+  for (const Coefficients& detail : curve.details) fine = synthesize(curve.scheme, fine, detail);
   return fine;
+}
+
+MultiresCurve from_level(const MultiresCurve& curve, int level) {
+  if (level < 0 || level > curve.levels()) {
+    throw InvalidInput(text("from_level: level ", level, " of a curve with levels 0 to ", curve.levels()));
+  }
+  MultiresCurve result{curve.coarse, {curve.details.begin() + level, curve.details.end()}, curve.scheme};
+  for (int j = 0; j < level; ++j) {
+    result.coarse = synthesize(curve.scheme, result.coarse, curve.details[static_cast<std::size_t>(j)]);
+  }
+  return result;
+}
+
+namespace {
+
+// Level j + t with t in (0, 1]; level 0 has j = -1, t = 1.
+std::pair<int, double> split_level_number(const char* function, const MultiresCurve& curve, double level) {
+  if (!(level >= 0.0 && level <= curve.levels())) {
+    throw InvalidInput(text(function, ": level ", level, " of a curve with levels 0 to ", curve.levels()));
+  }
+  const int j = static_cast<int>(std::ceil(level)) - 1;
+  return {j, level - j};
+}
+
+}  // namespace
+
+Coefficients fractional(const MultiresCurve& curve, double level) {
+  const auto [j, t] = split_level_number("fractional", curve, level);
+  if (j < 0) return curve.coarse;
+  const MultiresCurve seen = from_level(curve, j);
+  return synthesize(curve.scheme, seen.coarse, t * seen.details.front());
+}
+
+MultiresCurve edit_fractional(const MultiresCurve& curve, double level, const CoefficientsView& change) {
+  const auto [j, t] = split_level_number("edit_fractional", curve, level);
+  Index rows = curve.coarse.rows();
+  for (int i = 0; i <= j; ++i) rows += detail_count(curve.scheme, rows);
+  if (change.rows() != rows || change.cols() != curve.coarse.cols()) {
+    throw InvalidInput(text("edit_fractional: a change of ", change.rows(), "×", change.cols(), " at level ", level,
+                            ", where control points are ", rows, "×", curve.coarse.cols()));
+  }
+  const MultiresCurve changes = decompose(curve.scheme, change, j + 1);
+  MultiresCurve edited = curve;
+  edited.coarse += changes.coarse;
+  for (int i = 0; i <= j; ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    edited.details[at] += i == j ? Coefficients(changes.details[at] / t) : changes.details[at];
+  }
+  return edited;
+}
+
+LevelForm::LevelForm(Form form, Scheme scheme, Index size, int levels) : scheme_(scheme), levels_(levels) {
+  if (size < fewest(scheme))
+    throw InvalidInput(text("LevelForm: ", size, " control points of scheme ", name_of(scheme)));
+  require_levels(scheme, "LevelForm", size, levels);
+  band_ = banded_form(form, degree(scheme), is_closed(scheme), size);
+}
+
+Coefficients LevelForm::apply(const CoefficientsView& coefficients) const {
+  if (coefficients.rows() != size()) {
+    throw InvalidInput(text("LevelForm::apply: ", coefficients.rows(), " coefficients, not ", size()));
+  }
+  std::vector<Index> sizes = {size()};  // control points of the levels, fine first
+  for (int level = 0; level < levels_; ++level) sizes.push_back(coarser_size(scheme_, sizes.back()));
+
+  Coefficients fine = coefficients.topRows(sizes.back());
+  for (int level = levels_ - 1; level >= 0; --level) {
+    const Index m = fine.rows();
+    fine = synthesize(scheme_, fine, coefficients.middleRows(m, detail_count(scheme_, m)));
+  }
+  fine = apply_band(band_, is_closed(scheme_), fine);
+  Coefficients product(coefficients.rows(), coefficients.cols());
+  for (int level = 0; level < levels_; ++level) {
+    Split split = fontcore::adjoint(scheme_, fine);
+    product.middleRows(split.coarse.rows(), split.detail.rows()) = split.detail;
+    fine = std::move(split.coarse);
+  }
+  product.topRows(fine.rows()) = fine;
+  return product;
+}
+
+Eigen::MatrixXd LevelForm::matrix() const {
+  Eigen::MatrixXd M = apply_band(band_, is_closed(scheme_), Eigen::MatrixXd::Identity(size(), size()));
+  Index m = size();
+  for (int level = 0; level < levels_; ++level) {
+    // eq. 16 to 18 on the block of this level, eq. 14 and 15 beside it: both are [P | Q]' from the left and right.
+    const auto filter = [&](const Eigen::MatrixXd& rows) {
+      const Split split = fontcore::adjoint(scheme_, rows);
+      Eigen::MatrixXd filtered(rows.rows(), rows.cols());
+      filtered << split.coarse, split.detail;
+      return filtered;
+    };
+    M.topRows(m) = filter(M.topRows(m));
+    M.leftCols(m) = filter(M.leftCols(m).transpose()).transpose();
+    m = coarser_size(scheme_, m);
+  }
+  return M;
+}
+
+Coefficients stack(const MultiresCurve& curve) {
+  Index rows = curve.coarse.rows();
+  for (const Coefficients& detail : curve.details) rows += detail.rows();
+  Coefficients stacked(rows, curve.coarse.cols());
+  stacked.topRows(curve.coarse.rows()) = curve.coarse;
+  Index row = curve.coarse.rows();
+  for (const Coefficients& detail : curve.details) {
+    stacked.middleRows(row, detail.rows()) = detail;
+    row += detail.rows();
+  }
+  return stacked;
+}
+
+double area(const MultiresCurve& curve, int level) {
+  if (curve.coarse.cols() < 2) throw InvalidInput(text("area: control points have ", curve.coarse.cols(), " columns"));
+  const Coefficients X = stack(from_level(curve, level));
+  const LevelForm M(Form::Area, curve.scheme, X.rows(), curve.levels() - level);
+  return 0.5 * X.col(0).dot(M.apply(X.col(1)).col(0));
+}
+
+double energy(const MultiresCurve& curve, int level) {
+  const Coefficients X = stack(from_level(curve, level));
+  const LevelForm H(Form::Energy, curve.scheme, X.rows(), curve.levels() - level);
+  return 0.5 * X.cwiseProduct(H.apply(X)).sum();
 }
 
 double coarser_parameter(double t, int levels) {
