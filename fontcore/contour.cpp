@@ -137,6 +137,17 @@ bool operator==(const BezierContour& a, const BezierContour& b) {
   return a.kinds() == b.kinds() && a.points() == b.points();
 }
 
+int equal_segments(const BezierContour& a, const BezierContour& b) {
+  if (a.kinds() != b.kinds()) throw InvalidInput("equal_segments: the contours differ in structure");
+  int equal = 0;
+  for (int s = 0; s < a.segment_count(); ++s) {
+    bool same = true;
+    for (int k = 0; same && k <= a.degree(s); ++k) same = a.point(a.point_of(s, k)) == b.point(b.point_of(s, k));
+    equal += same ? 1 : 0;
+  }
+  return equal;
+}
+
 BezierContour from_quadratic_points(const Points& points, const std::vector<bool>& on_curve) {
   const auto n = static_cast<Eigen::Index>(on_curve.size());
   std::vector<PointKind> kinds;

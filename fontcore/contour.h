@@ -88,6 +88,9 @@ class BezierContour {
 /// Bit for bit the same points and kinds.
 bool operator==(const BezierContour& a, const BezierContour& b);
 
+/// How many segments of two contours of one structure are the same, bit for bit.
+int equal_segments(const BezierContour& a, const BezierContour& b);
+
 /// The contour of a TrueType point list: on-curve points and quadratic handles, implied nodes added between two
 /// handles. The order is kept, so dropping the implied nodes gives the list back.
 ///

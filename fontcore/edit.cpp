@@ -18,8 +18,7 @@ constexpr double moved_spans = 5.0;  // of a level: three neighbouring basis fun
 // Least-squares coefficients that move the curve at t by (1, 0): w / (w . w), in the first column.
 Points pull(int size, double t) {
   const int i = static_cast<int>(std::floor(t + 0.5));
-  const double u = t + 0.5 - i;
-  const Eigen::Vector3d weight(0.5 * (1.0 - u) * (1.0 - u), 0.5 * (1.0 + 2.0 * u - 2.0 * u * u), 0.5 * u * u);
+  const Eigen::Vector3d weight = spline_weights(t + 0.5 - i);
   Points coefficients = Points::Zero(size, 2);
   for (int k = 0; k < 3; ++k) coefficients(((i - 1 + k) % size + size) % size, 0) += weight[k] / weight.squaredNorm();
   return coefficients;
@@ -89,7 +88,7 @@ PieceForms piece_forms(const OutlineCurve& curve, int piece) {
   for (std::size_t g = 0; g < gauss_node.size(); ++g) {
     const double u = gauss_node[g];
     const auto [speed, change] = curve.pace(piece - 0.5 + u);
-    const Eigen::Vector3d value(0.5 * (1.0 - u) * (1.0 - u), 0.5 * (1.0 + 2.0 * u - 2.0 * u * u), 0.5 * u * u);
+    const Eigen::Vector3d value = spline_weights(u);
     const Eigen::Vector3d slope(u - 1.0, 1.0 - 2.0 * u, u);
     const Eigen::Vector3d bend(1.0, -2.0, 1.0);
     // d^2x / ds^2 = (x_tt s_t - x_t s_tt) / s_t^3: straight runs, where x is linear in s, have none.

@@ -268,7 +268,7 @@ StructureFit refit_structure(const OutlineCurve& curve, const StructureEdit& edi
   const HandledSolution& handled = best->handled;
   const WishSystem& system = best->system;
 
-  StructureFit fit{best->contour, handled.solution.report, Point::Zero(), {}, 0.0, 0};
+  StructureFit fit{best->contour, handled.solution.report, Point::Zero(), {}, 0.0};
   if (edit.handle) {
     fit.got = move_of(contour, fit.contour, *edit.handle);
     if ((fit.got - edit.move).norm() > landed) fit.against = handled.against;
@@ -282,12 +282,6 @@ StructureFit refit_structure(const OutlineCurve& curve, const StructureEdit& edi
            handled.solution.displacement.segment<2>(2 * contour.point_of(segment, k));
     }
     fit.off_wish = std::max(fit.off_wish, (d - wish).norm());
-  }
-  for (int s = 0; s < contour.segment_count(); ++s) {
-    bool kept = true;
-    for (int k = 0; k <= contour.degree(s); ++k)
-      kept = kept && fit.contour.point(contour.point_of(s, k)) == contour.point(contour.point_of(s, k));
-    fit.segments_kept += kept ? 1 : 0;
   }
   return fit;
 }

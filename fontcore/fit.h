@@ -35,7 +35,6 @@ struct StructureFit {
   Point got = Point::Zero();         ///< how the handle moved
   std::vector<std::string> against;  ///< rules that stood against the handle's move; empty if it was met
   double off_wish = 0.0;             ///< largest distance of the displacement from the wish, at the samples, font units
-  int segments_kept = 0;             ///< bit for bit as they were
 };
 
 /// Moves an outline's own points: the least-squares image of the wish inside what the rules leave, at exactly the area.

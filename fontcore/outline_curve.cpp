@@ -19,11 +19,6 @@ constexpr double first_look = 1.5;      // tolerances: what is further off at a 
 constexpr int most_samples = 20000;     // of either curve when the distance is measured
 constexpr double sample_spacing = 3.0;  // of the distance's samples, in tolerances: 0.75/1000 em, far below a piece
 
-// The three B-spline weights of piece i (controls i - 1, i, i + 1) at u in [0, 1].
-Eigen::Vector3d piece_weights(double u) {
-  return {0.5 * (1.0 - u) * (1.0 - u), 0.5 * (1.0 + 2.0 * u - 2.0 * u * u), 0.5 * u * u};
-}
-
 int wrapped(int i, int n) { return ((i % n) + n) % n; }
 
 // Whole numbers that sum to `total`, at least `floor`, otherwise as near to proportional as largest remainders allow.
@@ -147,10 +142,14 @@ ArcLegs solve_legs(const std::vector<double>& lengths, const std::vector<int>& p
 
 }  // namespace
 
+Eigen::Vector3d spline_weights(double u) {
+  return {0.5 * (1.0 - u) * (1.0 - u), 0.5 * (1.0 + 2.0 * u - 2.0 * u * u), 0.5 * u * u};
+}
+
 Eigen::RowVectorXd evaluate_spline(const Eigen::MatrixXd& coefficients, double t) {
   const int n = static_cast<int>(coefficients.rows());
   const auto i = static_cast<int>(std::floor(t + 0.5));
-  const Eigen::Vector3d weight = piece_weights(t + 0.5 - i);
+  const Eigen::Vector3d weight = spline_weights(t + 0.5 - i);
   return weight[0] * coefficients.row(wrapped(i - 1, n)) + weight[1] * coefficients.row(wrapped(i, n)) +
          weight[2] * coefficients.row(wrapped(i + 1, n));
 }
@@ -332,7 +331,7 @@ double OutlineCurve::fit(std::vector<std::vector<Span>>& arcs, int size, double 
 
   // Least squares at samples of equal parameter: the normal matrix of a piece is always the same.
   Eigen::Matrix<double, samples_per_piece, 3> basis;
-  for (int k = 0; k < samples_per_piece; ++k) basis.row(k) = piece_weights((k + 0.5) / samples_per_piece);
+  for (int k = 0; k < samples_per_piece; ++k) basis.row(k) = spline_weights((k + 0.5) / samples_per_piece);
   const Eigen::Matrix3d gram = basis.transpose() * basis;
   std::vector<int> column(static_cast<std::size_t>(size), -1);
   int unknowns = 0;
@@ -435,7 +434,7 @@ double OutlineCurve::coefficient(const Arc& arc, int k) const {
 double OutlineCurve::arc_length_in(const Arc& arc, double t) const {
   const double x = t - (arc.first - 0.5);
   const int k = std::clamp(static_cast<int>(std::floor(x)), 0, arc.size - 1);
-  const Eigen::Vector3d weight = piece_weights(x - k);
+  const Eigen::Vector3d weight = spline_weights(x - k);
   return weight[0] * coefficient(arc, k - 1) + weight[1] * coefficient(arc, k) + weight[2] * coefficient(arc, k + 1);
 }
 
@@ -531,7 +530,7 @@ double OutlineCurve::measure_distance(double tolerance) const {
   const int per_piece = std::max(4, static_cast<int>(std::ceil(1.2 * length_ / step / n)));
   Points spline(n * per_piece, 2);
   for (int k = 0; k < per_piece; ++k) {
-    const Eigen::Vector3d weight = piece_weights(static_cast<double>(k) / per_piece);
+    const Eigen::Vector3d weight = spline_weights(static_cast<double>(k) / per_piece);
     for (int i = 0; i < n; ++i) {
       spline.row(i * per_piece + k) = weight[0] * control_points_.row(i == 0 ? n - 1 : i - 1) +
                                       weight[1] * control_points_.row(i) +

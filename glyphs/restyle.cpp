@@ -258,13 +258,7 @@ int segment_count(const Contours& contours) {
 
 int kept_segments(const Contours& before, const Contours& after) {
   int kept = 0;
-  for (std::size_t k = 0; k < before.size(); ++k) {
-    for (int s = 0; s < before[k].segment_count(); ++s) {
-      const fontcore::Bezier a = before[k].segment(s);
-      const fontcore::Bezier b = after[k].segment(s);
-      kept += std::equal(a.p.begin(), a.p.begin() + a.degree + 1, b.p.begin()) ? 1 : 0;
-    }
-  }
+  for (std::size_t k = 0; k < before.size(); ++k) kept += equal_segments(before[k], after[k]);
   return kept;
 }
 

@@ -1,6 +1,7 @@
 #include "fontcore/edit.h"
 
 #include "fontcore/error.h"
+#include "fontcore/solve.h"
 #include "fontcore/wavelet.h"
 #include "tests/catch.h"
 #include "tests/shapes.h"
@@ -77,6 +78,20 @@ TEST_CASE("both members of a corner pair move alike, by the field's value at the
     CHECK(field.row(i) == field.row(next));
     CHECK((field.row(i) - evaluate_spline(s.field, i + 0.5)).norm() < 1e-12);
   }
+}
+
+TEST_CASE("corner rows, solved, are what respecting corners does to a field", "[edit]") {
+  const int n = specimen().size();
+  const Sweep s = sweep(specimen(), 12.4, Point(24, -10), 700.0);
+  RowElimination corners(2 * n);
+  for (const int i : specimen().corner_pairs()) corners.add(rows(CornerPair{i, n}));
+  Eigen::SparseMatrix<double> identity(2 * n, 2 * n);
+  identity.setIdentity();
+  Eigen::VectorXd wish(2 * n);
+  for (int i = 0; i < n; ++i) wish.segment<2>(2 * i) = s.field.row(i);
+  const Eigen::VectorXd least = LeastChange(identity, corners).solve(wish).displacement;
+  const Points field = respect_corners(specimen(), s.field);
+  for (int i = 0; i < n; ++i) CHECK((least.segment<2>(2 * i) - field.row(i).transpose()).norm() < 1e-12);
 }
 
 TEST_CASE("a breadth that is not positive is refused", "[edit]") {
