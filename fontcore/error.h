@@ -6,19 +6,24 @@
 
 namespace fontcore {
 
-/// A broken precondition: what was given, and where. One line.
-struct InvalidInput : std::runtime_error {
+/// What fontcore throws: one line, whoever catches it adds the name it knows.
+struct Error : std::runtime_error {
   using std::runtime_error::runtime_error;
+};
+
+/// A broken precondition: what was given, and where. One line.
+struct InvalidInput : Error {
+  using Error::Error;
 };
 
 /// Rules that cannot all hold; the text names them and what they ask.
-struct UnsatisfiableConstraints : std::runtime_error {
-  using std::runtime_error::runtime_error;
+struct UnsatisfiableConstraints : Error {
+  using Error::Error;
 };
 
 /// A piece of work given up because it had become larger than any real outline makes it; the text names the limit.
-struct WorkLimitExceeded : std::runtime_error {
-  using std::runtime_error::runtime_error;
+struct WorkLimitExceeded : Error {
+  using Error::Error;
 };
 
 /// Builds an error text from its facts: `text("contour ", 3, ": area is ", 0.0)`.

@@ -32,7 +32,6 @@ class RowElimination {
   Outcome add(const Row& row);
   void add(const Rows& rows);
 
-  int variables() const { return variables_; }
   const std::vector<Conflict>& conflicts() const { return conflicts_; }
   int redundant() const { return redundant_; }
 

@@ -70,8 +70,6 @@ Split adjoint(Scheme scheme, const CoefficientsView& fine);
 /// analysis can grow content of period three by 1.25 a level; reconstruction stays at 1e-15.
 namespace chaikin {
 
-constexpr int min_coarse = fewest(Scheme::Chaikin);
-
 Split analyze(const CoefficientsView& fine);
 Coefficients synthesize(const CoefficientsView& coarse, const CoefficientsView& detail);
 Coefficients refine(const CoefficientsView& coarse);

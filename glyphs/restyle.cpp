@@ -53,7 +53,11 @@ class GlyphEditor {
     const double unit = recipe.lengths_in_thousandths ? font.units_per_em / 1000.0 : 1.0;
     for (const Step& step : recipe.steps) {
       const std::string& about = std::visit([](const auto& any) -> const std::string& { return any.glyph; }, step);
-      if (!about.empty() && select_glyphs(font, about) != std::vector<int>{glyph.id}) continue;
+      // Names are unique; only what is no name needs the font.
+      const bool is_this = about.empty() || about == glyph.name ||
+                           (about.find_first_of("+:@,") != std::string::npos &&
+                            select_glyphs(font, about) == std::vector<int>{glyph.id});
+      if (!is_this) continue;
       std::visit([&](const auto& any) { place(any, unit); }, step);
     }
     rules_.lines = recipe.keep.lines;
@@ -242,14 +246,6 @@ class GlyphEditor {
   std::vector<std::optional<fontcore::OutlineCurve>> curves_;
 };
 
-std::vector<fontcore::Crossing> crossings_of(const Contours& contours) {
-  try {
-    return find_crossings(contours);
-  } catch (const fontcore::WorkLimitExceeded& error) {
-    throw Refusal{error.what()};
-  }
-}
-
 int segment_count(const Contours& contours) {
   int count = 0;
   for (const BezierContour& contour : contours) count += contour.segment_count();
@@ -344,21 +340,26 @@ GlyphResult restyle_glyph(const Font& font, int id, const Recipe& recipe) {
     GlyphEditor editor(font, glyph, recipe);
     if (!editor.has_work() || glyph.contours.empty()) return result;
 
-    const auto before = crossings_of(glyph.contours);
+    const auto before = find_crossings(glyph.contours);
     report.crossings_before = report.crossings_after = static_cast<int>(before.size());
-    const auto added = [&](const Attempt& attempt) { return added_crossings(before, crossings_of(attempt.rounded)); };
+    const auto added = [&](const Attempt& attempt) { return added_crossings(before, find_crossings(attempt.rounded)); };
     Attempt best = editor.attempt(1.0);
     if (recipe.on_crossing != OnCrossing::Allow && added(best) > 0) {
       if (recipe.on_crossing == OnCrossing::Refuse) throw Refusal{text("crossings that the edit adds: ", added(best))};
       best = reduced(editor, Attempt{glyph.contours, glyph.contours, best.steps}, added, report);
     }
+    report.crossings_after = static_cast<int>(find_crossings(best.rounded).size());
     result.contours = std::move(best.rounded);
     result.unrounded = std::move(best.unrounded);
     report.steps = std::move(best.steps);
     report.changed = result.contours != glyph.contours;
-    report.crossings_after = static_cast<int>(crossings_of(result.contours).size());
   } catch (const Refusal& refusal) {
     report.refused = refusal.reason;
+  } catch (
+      const fontcore::Error& error) {  // what fails for one glyph leaves that glyph as it was, and the others go on
+    report.refused = error.what();
+  }
+  if (!report.refused.empty()) {
     report.amount = 0.0;
     return result;
   }

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <string>
+
 // Catch2 2 (Debian 12) or 3, whichever is installed.
 #if __has_include(<catch2/catch_all.hpp>)
 #include <catch2/catch_all.hpp>
@@ -7,3 +9,14 @@ using Catch::Approx;
 #else
 #include <catch2/catch.hpp>
 #endif
+
+/// What the error that `work` throws says; empty if it throws none.
+template <typename Error, typename Work>
+std::string message_of(Work work) {
+  try {
+    work();
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "";
+}

@@ -38,17 +38,6 @@ const Glyph& named(const Font& font, const std::string& name) {
   return font.glyphs.at(static_cast<std::size_t>(font.find(name)));
 }
 
-/// The message of the FontReadError; empty if there was none.
-template <typename Work>
-std::string read_error(Work work) {
-  try {
-    work();
-  } catch (const FontReadError& error) {
-    return error.what();
-  }
-  return "";
-}
-
 /// x of the first point of what is drawn.
 double first_x(const Font& font, int glyph) { return compose(font, glyph).at(0).point(0).x(); }
 
@@ -184,7 +173,7 @@ TEST_CASE("what cannot be composed is named at the glyph, and the font is still 
     for (const int id : {1, 2, 3}) {
       CHECK(font.glyphs[static_cast<std::size_t>(id)].trouble == "its components form a cycle, or lead to one");
       CHECK_FALSE(font.has_outline(id));
-      CHECK(read_error([&] {
+      CHECK(message_of<FontReadError>([&] {
               compose(font, id);
             }).starts_with("small.ttf: " + font.glyphs[static_cast<std::size_t>(id)].name + ": "));
     }
@@ -241,18 +230,22 @@ TEST_CASE("composing checks by itself, for fonts that no loader has seen", "[fre
   font.glyphs[1].name = "b";
   font.glyphs[0].components = {{.glyph = 1, .placement = {}}};
   font.glyphs[1].components = {{.glyph = 0, .placement = {}}};
-  CHECK(read_error([&] { compose(font, 0); }).starts_with("made.ttf: a: components nest deeper than 32"));
+  CHECK(
+      message_of<FontReadError>([&] { compose(font, 0); }).starts_with("made.ttf: a: components nest deeper than 32"));
   CHECK_FALSE(font.has_outline(0));
   CHECK(dependents(font, {0}) == std::vector{0, 1});
   font.glyphs[1].components.clear();
   font.glyphs[0].components[0].matched_parent = 3;
-  CHECK(read_error([&] { compose(font, 0); }) == "made.ttf: a: point 3 to be matched does not exist, in a");
-  CHECK(read_error([&] { compose(font, 7); }) == "made.ttf: there is no glyph 7 among 2");
+  CHECK(message_of<FontReadError>([&] { compose(font, 0); }) ==
+        "made.ttf: a: point 3 to be matched does not exist, in a");
+  CHECK(message_of<FontReadError>([&] { compose(font, 7); }) == "made.ttf: there is no glyph 7 among 2");
 }
 
 TEST_CASE("what is no font is refused in one line that names the file", "[freetype_loader]") {
   const Bytes good = font_of(small_font({{}, triangle}));
-  const auto error_of = [](Bytes data) { return read_error([&] { load_font("f.ttf", std::move(data)); }); };
+  const auto error_of = [](Bytes data) {
+    return message_of<FontReadError>([&] { load_font("f.ttf", std::move(data)); });
+  };
   CHECK(error_of(good) == "");
   CHECK(error_of({}) == "f.ttf: is empty");
   CHECK(error_of({0, 1}) == "f.ttf: is not a font: it has 2 bytes");
@@ -274,12 +267,12 @@ TEST_CASE("what is no font is refused in one line that names the file", "[freety
   tables["hmtx"].push_back(0);
   CHECK(error_of(font_of(tables)) == "f.ttf: table loca has 5 bytes, needs 6");
 
-  CHECK(read_error([] { load_font("/no/such/font.ttf"); }) ==
+  CHECK(message_of<FontReadError>([] { load_font("/no/such/font.ttf"); }) ==
         "/no/such/font.ttf: cannot be read: No such file or directory");
-  CHECK(read_error([] { load_font("/tmp"); }) == "/tmp: is a folder");
-  CHECK(read_error([] { load_font("/dev/null"); }) == "/dev/null: is not a regular file");
+  CHECK(message_of<FontReadError>([] { load_font("/tmp"); }) == "/tmp: is a folder");
+  CHECK(message_of<FontReadError>([] { load_font("/dev/null"); }) == "/dev/null: is not a regular file");
   const std::string path = bundled_font(liberation);
-  CHECK(read_error([&] { load_font(path, 1); }) == path + ": has 1 faces; there is no face 1");
+  CHECK(message_of<FontReadError>([&] { load_font(path, 1); }) == path + ": has 1 faces; there is no face 1");
 }
 
 TEST_CASE("a directory that lies is refused", "[freetype_loader]") {
@@ -287,7 +280,7 @@ TEST_CASE("a directory that lies is refused", "[freetype_loader]") {
   const auto with = [&](std::size_t at, int value) {
     Bytes data = good;
     sfnt_bytes::set16(data, at, value);
-    return read_error([&] { load_font("f.ttf", data); });
+    return message_of<FontReadError>([&] { load_font("f.ttf", data); });
   };
   CHECK(with(4, 0) == "f.ttf: is not a font: it has no tables");
   CHECK(with(4, 0xFFFF).starts_with("f.ttf: is truncated: the directory of 65535 tables"));
@@ -322,15 +315,17 @@ TEST_CASE("faces of a collection are read by their number", "[freetype_loader]")
     CHECK(read.glyphs.size() == 2);
     CHECK(compose(read, 1).size() == 1);
   }
-  CHECK(read_error([&] { load_font("two.ttc", data, 2); }) == "two.ttc: has 2 faces; there is no face 2");
-  CHECK(read_error([&] { load_font("two.ttc", data, -1); }) == "two.ttc: has 2 faces; there is no face -1");
+  CHECK(message_of<FontReadError>([&] { load_font("two.ttc", data, 2); }) ==
+        "two.ttc: has 2 faces; there is no face 2");
+  CHECK(message_of<FontReadError>([&] { load_font("two.ttc", data, -1); }) ==
+        "two.ttc: has 2 faces; there is no face -1");
 }
 
 TEST_CASE("a truncated font is refused or read, never a crash", "[freetype_loader]") {
   for (const std::string name : {"open-sans/OpenSans-Regular.ttf", "cabin/Cabin-Regular.otf"}) {
     const Bytes whole = glyphs::read_file(bundled_font(name));
     for (std::size_t length = 0; length < whole.size(); length += length < 400 ? 7 : 1 + whole.size() / 97) {
-      const std::string error = read_error(
+      const std::string error = message_of<FontReadError>(
           [&] { load_font("cut", Bytes(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(length))); });
       CHECK(error.starts_with("cut: "));
       CHECK(std::count(error.begin(), error.end(), '\n') == 0);
@@ -344,7 +339,7 @@ TEST_CASE("a font with random bytes is refused or read, never a crash", "[freety
   for (int round = 0; round < 60; ++round) {
     Bytes data = whole;
     for (int i = 0; i < 200; ++i) data[random() % data.size()] = static_cast<unsigned char>(random());
-    const std::string error = read_error([&] {
+    const std::string error = message_of<FontReadError>([&] {
       const Font font = load_font("noise", data);
       for (const Glyph& glyph : font.glyphs) {
         if (glyph.trouble.empty()) compose(font, glyph.id);

@@ -200,6 +200,15 @@ TEST_CASE("contours without an inside are carried through, and refused only if a
   CHECK(restyle_glyph(font, 0, recipe_of(step)).report.refused == "there is no contour 3: it has 3");
 }
 
+TEST_CASE("what fails within one glyph leaves it as it was and is its refusal, not the job's end", "[restyle]") {
+  const Font font = font_of(std::vector<fontcore::BezierContour>(3000, shapes::arch(500)));
+  const GlyphResult result = restyle_glyph(font, 0, recipe_of(step_at({250, 750}, {10, 0}, 700)));
+  CHECK(result.report.refused == "find_crossings: too many pieces lie on each other");
+  CHECK_FALSE(result.report.changed);
+  CHECK(result.report.amount == 0.0);
+  CHECK(result.contours == font.glyphs[0].contours);
+}
+
 TEST_CASE("several steps on one glyph follow each other and keep the area together", "[restyle]") {
   const Font font = font_of({shapes::circle(300), reverse(shapes::circle(150))});
   Recipe recipe = recipe_of(step_at({300, 0}, {14, 0}, 900));

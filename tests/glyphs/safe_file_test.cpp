@@ -53,16 +53,6 @@ unsigned mode(const std::string& path) {
   return status.st_mode & 07777u;
 }
 
-template <typename Work>
-std::string write_error(Work work) {
-  try {
-    work();
-  } catch (const FontWriteError& error) {
-    return error.what();
-  }
-  return "";
-}
-
 /// How a child that does the work ended: its exit status, or 1000 and the signal.
 template <typename Work>
 int run_child(Work work) {
@@ -123,7 +113,7 @@ TEST_CASE("a link is followed to the file it names, which may not exist yet", "[
   write_file(folder / "dangling", std::string("here"));
   CHECK(content(folder / "later") == "here");
   fs::create_symlink("loop", folder / "loop");
-  CHECK(write_error([&] {
+  CHECK(message_of<FontWriteError>([&] {
           write_file(folder / "loop", std::string("x"));
         }).starts_with(folder / "loop: cannot be written: "));
 }
@@ -131,16 +121,17 @@ TEST_CASE("a link is followed to the file it names, which may not exist yet", "[
 TEST_CASE("a file that cannot be written is named with the reason, and the old one is as it was", "[safe_file]") {
   const Folder folder;
   write_file(folder / "file", std::string("old"));
-  CHECK(write_error([&] { write_file(folder / "file/below", std::string("x")); }) ==
+  CHECK(message_of<FontWriteError>([&] { write_file(folder / "file/below", std::string("x")); }) ==
         folder / "file/below: cannot be written: Not a directory");
-  CHECK(write_error([&] { write_file(folder / "none/below", std::string("x")); }) ==
+  CHECK(message_of<FontWriteError>([&] { write_file(folder / "none/below", std::string("x")); }) ==
         folder / "none/below: cannot be written: No such file or directory");
-  CHECK(write_error([&] { write_file(folder / ".", std::string("x")); }) ==
+  CHECK(message_of<FontWriteError>([&] { write_file(folder / ".", std::string("x")); }) ==
         folder / ".: cannot be written: Is a directory");
-  CHECK(write_error([] { write_file("/dev/full", std::string("x")); }) ==
+  CHECK(message_of<FontWriteError>([] { write_file("/dev/full", std::string("x")); }) ==
         "/dev/full: cannot be written: No space left on device");
-  CHECK(write_error([] { write_file("", std::string("x")); }) == "output: cannot be written: the path is empty");
-  CHECK(write_error([&] {
+  CHECK(message_of<FontWriteError>([] { write_file("", std::string("x")); }) ==
+        "output: cannot be written: the path is empty");
+  CHECK(message_of<FontWriteError>([&] {
           write_file(folder / std::string(300, 'n'), std::string("x"));
         }).ends_with("File name too long"));
   CHECK(content(folder / "file") == "old");
@@ -154,7 +145,9 @@ TEST_CASE("of several files none is replaced unless all can be", "[safe_file]") 
   write_file(folder / "b", std::string("old b"));
   const Bytes fresh{'n', 'e', 'w'};
   const auto refused = [&](const std::string& second) {
-    const std::string error = write_error([&] { write_files({{folder / "a", fresh}, {second, fresh}}); });
+    const std::string error = message_of<FontWriteError>([&] {
+      write_files({{folder / "a", fresh}, {second, fresh}});
+    });
     CHECK(content(folder / "a") == "old a");
     CHECK(folder.count() == 2);
     return error;

@@ -54,16 +54,6 @@ std::vector<BezierContour> shifted(const Font& font, int glyph, double x, double
   return moved(font, glyph, [&](const Point& p) { return Point(p + Point(x, y)); });
 }
 
-template <typename Work>
-std::string write_error(Work work) {
-  try {
-    work();
-  } catch (const FontWriteError& error) {
-    return error.what();
-  }
-  return "";
-}
-
 Font load_small(const std::vector<Bytes>& glyphs, int bearing_shift = 0) {
   return glyphs::load_font("small.ttf", font_of(small_font(glyphs, bearing_shift)));
 }
@@ -192,7 +182,7 @@ TEST_CASE("the date changes with SOURCE_DATE_EPOCH alone", "[sfnt_writer]") {
   ::setenv("SOURCE_DATE_EPOCH", "1700000000", 1);
   CHECK(sfnt_bytes::get(tables_of(write_sfnt(font, edited).data).at("head"), 32, 4) == 1700000000u + 2082844800u);
   ::setenv("SOURCE_DATE_EPOCH", "yesterday", 1);
-  CHECK(write_error([&] { write_sfnt(font, edited); }) ==
+  CHECK(message_of<FontWriteError>([&] { write_sfnt(font, edited); }) ==
         "small.ttf: SOURCE_DATE_EPOCH is no number of seconds: yesterday");
   ::unsetenv("SOURCE_DATE_EPOCH");
 }
@@ -200,7 +190,7 @@ TEST_CASE("the date changes with SOURCE_DATE_EPOCH alone", "[sfnt_writer]") {
 TEST_CASE("what cannot be stored is refused with file, glyph and numbers", "[sfnt_writer]") {
   const Font font = load_small({{}, triangle, rounded, composite({{.glyph = 1}})});
   const auto refused = [&](int glyph, std::vector<BezierContour> contours) {
-    return write_error([&] { write_sfnt(font, {{glyph, std::move(contours)}}); });
+    return message_of<FontWriteError>([&] { write_sfnt(font, {{glyph, std::move(contours)}}); });
   };
   const auto at_first = [&](int glyph, double x, double y) {
     auto contours = font.glyphs[static_cast<std::size_t>(glyph)].contours;
@@ -225,7 +215,7 @@ TEST_CASE("what cannot be stored is refused with file, glyph and numbers", "[sfn
   CHECK(refused(2, {implied[0].with_points(points)}).starts_with("small.ttf: B: contour 0, point 2: an implied"));
 
   const Font cff = glyphs::load_font(std::string(GLYPHWAVE_SOURCE_DIR) + "/fonts/cabin/Cabin-Bold.otf");
-  CHECK(write_error([&] {
+  CHECK(message_of<FontWriteError>([&] {
           write_sfnt(cff, {{cff.find("a"), shifted(cff, cff.find("a"), 1, 0)}});
         }) == cff.path + ": this version writes TrueType outlines only");
   CHECK(write_sfnt(cff, {}).data == *cff.data);
