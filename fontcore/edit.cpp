@@ -14,15 +14,7 @@ namespace fontcore {
 namespace {
 
 constexpr double moved_spans = 5.0;  // of a level: three neighbouring basis functions, each three spans wide
-
-// Least-squares coefficients that move the curve at t by (1, 0): w / (w . w), in the first column.
-Points pull(int size, double t) {
-  const int i = static_cast<int>(std::floor(t + 0.5));
-  const Eigen::Vector3d weight = spline_weights(t + 0.5 - i);
-  Points coefficients = Points::Zero(size, 2);
-  for (int k = 0; k < 3; ++k) coefficients(((i - 1 + k) % size + size) % size, 0) += weight[k] / weight.squaredNorm();
-  return coefficients;
-}
+constexpr double negligible = 1e-9;  // displacement, in lengths of the contour: below it a point stays, bit for bit
 
 }  // namespace
 
@@ -33,8 +25,8 @@ double breadth_of_level(const OutlineCurve& curve, double t, int levels_down) {
                           finer_parameter(middle + 0.5 * moved_spans, levels_down));
 }
 
-Sweep sweep(const OutlineCurve& curve, double t, const Point& move, double breadth) {
-  if (!(breadth > 0.0)) throw InvalidInput(text("sweep: breadth ", breadth, " is not positive"));
+double level_of_breadth(const OutlineCurve& curve, double t, double breadth) {
+  if (!(breadth > 0.0)) throw InvalidInput(text("level_of_breadth: breadth ", breadth, " is not positive"));
   const int finest = curve.levels();
   int down = 0;  // of the narrow level below the finest
   double narrow_breadth = breadth_of_level(curve, t, 0);
@@ -45,21 +37,16 @@ Sweep sweep(const OutlineCurve& curve, double t, const Point& move, double bread
     narrow_breadth = broad_breadth;
   }
 
-  Points field;
-  double level = finest - down;
-  if (down == finest || breadth <= narrow_breadth) {
-    field = pull(curve.size() >> down, coarser_parameter(t, down));
-  } else {
-    const double f = (broad_breadth - breadth) / (broad_breadth - narrow_breadth);
-    const double g = f * f;
-    const Points broad = pull(curve.size() >> (down + 1), coarser_parameter(t, down + 1));
-    const auto [A_narrow, B_narrow] = chaikin::analyze(pull(curve.size() >> down, coarser_parameter(t, down)));
-    field = chaikin::synthesize((1.0 - g) * broad + g * A_narrow, f * B_narrow);
-    level = finest - down - 1 + f;
-  }
-  for (int k = 0; k < down; ++k) field = chaikin::refine(field);
-  const double at_handle = evaluate_spline(field, t)[0];
-  return {field.col(0) * (move / at_handle).transpose(), t, level};
+  if (down == finest || breadth <= narrow_breadth) return finest - down;
+  return finest - down - 1 + (broad_breadth - breadth) / (broad_breadth - narrow_breadth);
+}
+
+Sweep sweep(const OutlineCurve& curve, double t, const Point& move, double breadth, Scheme scheme) {
+  if (!is_closed(scheme)) throw InvalidInput("sweep: an outline is closed, the scheme is not");
+  const double level = level_of_breadth(curve, t, breadth);
+  Eigen::VectorXd weights = reconstruct(pull(scheme, curve.size(), curve.levels(), t, level));
+  weights = (weights.array().abs() * move.norm() < negligible * curve.length()).select(0.0, weights);
+  return {weights * move.transpose(), t, level};
 }
 
 Points respect_corners(const OutlineCurve& curve, Points field) {

@@ -17,16 +17,18 @@ struct Sweep {
 /// Direct manipulation at a fractional level: the outline's point at parameter t is moved by `move`, and a stretch of
 /// about `breadth` follows.
 ///
-/// Breadth becomes a level by interpolating the arc lengths that integer levels would move: five spans, three basis
-/// functions of three spans each about t. At level j + f the broad answer, least squares at level j, is mixed with the
-/// narrow one, at level j + 1, by g = f^2: dc^j = (1 - g) broad + g A narrow, dd^j = (g / f) B narrow; then the whole
-/// is scaled so that the handle gets its move.
+/// It is `pull` at `level_of_breadth`. Chaikin's is local; Orthogonal reaches everywhere, decaying, and what is below
+/// 1e-9 of the contour's length is 0.
 ///
 /// Shape   field N×2.
 /// Units   font units.
-/// Throws  InvalidInput if breadth is not positive.
+/// Throws  InvalidInput if breadth is not positive or the scheme is for open arcs.
 /// Source  [FS94] editing at fractional levels, direct manipulation, editing a desired portion of the curve.
-Sweep sweep(const OutlineCurve& curve, double t, const Point& move, double breadth);
+Sweep sweep(const OutlineCurve& curve, double t, const Point& move, double breadth, Scheme scheme = Scheme::Chaikin);
+
+/// The fractional level at which direct manipulation at parameter t moves a stretch of `breadth`: interpolated between
+/// the arc lengths that integer levels move, five spans, three basis functions of three spans each about t.
+double level_of_breadth(const OutlineCurve& curve, double t, double breadth);
 
 /// Length of outline that direct manipulation at parameter t moves, at `levels_down` below the finest.
 double breadth_of_level(const OutlineCurve& curve, double t, int levels_down);

@@ -60,7 +60,7 @@ WishSystem wish_system(const OutlineCurve& curve, const StructureEdit& edit, con
     const ArcLength arc(contour.segment(s));
     if (!released[static_cast<std::size_t>(s)] || arc.length() == 0.0) continue;
     const auto wish_at = [&](double u) -> Point {
-      return evaluate_spline(edit.field, curve.parameter(s, u)).transpose();
+      return evaluate(Scheme::Chaikin, edit.field, curve.parameter(s, u)).transpose();
     };
     Point before = wish_at(0.0);
     for (int k = 0; k < samples_per_segment; ++k) {

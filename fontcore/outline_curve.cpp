@@ -142,18 +142,6 @@ ArcLegs solve_legs(const std::vector<double>& lengths, const std::vector<int>& p
 
 }  // namespace
 
-Eigen::Vector3d spline_weights(double u) {
-  return {0.5 * (1.0 - u) * (1.0 - u), 0.5 * (1.0 + 2.0 * u - 2.0 * u * u), 0.5 * u * u};
-}
-
-Eigen::RowVectorXd evaluate_spline(const Eigen::MatrixXd& coefficients, double t) {
-  const int n = static_cast<int>(coefficients.rows());
-  const auto i = static_cast<int>(std::floor(t + 0.5));
-  const Eigen::Vector3d weight = spline_weights(t + 0.5 - i);
-  return weight[0] * coefficients.row(wrapped(i - 1, n)) + weight[1] * coefficients.row(wrapped(i, n)) +
-         weight[2] * coefficients.row(wrapped(i + 1, n));
-}
-
 OutlineCurve::OutlineCurve(const BezierContour& contour, const OutlineCurveOptions& options) : contour_(contour) {
   if (contour.point_count() < 3) {
     throw InvalidInput(text("OutlineCurve: a contour of ", contour.point_count(), " points has no inside"));
@@ -496,7 +484,7 @@ Point OutlineCurve::outline_at(double t) const {
   return evaluate(contour_.segment(at.segment), at.u);
 }
 
-Point OutlineCurve::spline_at(double t) const { return evaluate_spline(control_points_, t).transpose(); }
+Point OutlineCurve::spline_at(double t) const { return evaluate(Scheme::Chaikin, control_points_, t).transpose(); }
 
 OutlineCurve::Pace OutlineCurve::pace(double t) const {
   t = into_period(t, size());

@@ -4,6 +4,7 @@
 
 #include "fontcore/contour.h"
 #include "fontcore/measure.h"
+#include "fontcore/wavelet.h"
 
 namespace fontcore {
 
@@ -120,11 +121,5 @@ class OutlineCurve {
   double distance_ = 0.0;
   double length_ = 0.0;
 };
-
-/// The three B-spline weights of a piece (controls i - 1, i, i + 1) at u in [0, 1].
-Eigen::Vector3d spline_weights(double u);
-
-/// Value of the uniform periodic quadratic B-spline with the given coefficients (n×k) at t.
-Eigen::RowVectorXd evaluate_spline(const Eigen::MatrixXd& coefficients, double t);
 
 }  // namespace fontcore

@@ -25,6 +25,10 @@ const char* name_of(Scheme scheme) {
       return "endpoint_quadratic";
     case Scheme::EndpointCubic:
       return "endpoint_cubic";
+    case Scheme::HeldQuadratic:
+      return "held_quadratic";
+    case Scheme::HeldCubic:
+      return "held_cubic";
   }
   return "unknown scheme";
 }
@@ -334,7 +338,8 @@ Coefficients apply_band(const Eigen::MatrixXd& band, bool closed, const Coeffici
 //
 // Column j of P reaches over the fine rows max(j, 2j - p) .. min(K + j, 2j + 1); wavelet k over max(k, 2k - p) ..
 // min(K + p + k, 2p + 2k + 1): one row more than coarse functions it must be orthogonal to, which is the least, and so
-// unique up to its factor. K = 2p is the first K at which the functions at one end know nothing of the other end.
+// unique up to its factor. With held ends the first and last rows and coarse functions drop out, and the wavelets at
+// the ends become as much shorter. K = 2 * end_wavelets is the first K at which one end knows nothing of the other.
 
 template <int p>
 struct Inner;
@@ -351,25 +356,22 @@ struct Inner<3> {
       18482.0 / 40320, -7904.0 / 40320, 1677.0 / 40320, -124.0 / 40320,  1.0 / 40320};
 };
 
-// One column of P or Q: its fine rows first .. first + size - 1.
-struct Column {
-  Index first;
-  Index size;
-  const double* values;
-};
+enum class ArcEnds { Free, Held };
 
-template <int p>
+template <int p, ArcEnds arc_ends>
 class EndpointLevel {
  public:
   explicit EndpointLevel(Index spans) : K_(spans) {}
 
-  Column scaling(Index j) const {
-    if (K_ > 2 * p && j >= p && j < K_) return {2 * j - p, p + 2, Inner<p>::scaling.data()};
-    return stored(ends().P, j, K_ > 2 * p && j >= p ? j - (K_ - 2 * p) : j);
+  FilterColumn scaling(Index j) const {
+    const Index beyond = is_long() ? j - p : -1;  // inner ones from 0 to K - p - 1
+    if (beyond >= 0 && beyond < K_ - p) return {2 * j - p, Inner<p>::scaling};
+    return stored(ends().P, j, beyond < 0 ? j : j - (K_ - 2 * end_wavelets));
   }
-  Column wavelet(Index k) const {
-    if (k >= p && k < K_ - p) return {2 * k - p, 3 * p + 2, Inner<p>::wavelet.data()};
-    return stored(ends().Q, k, K_ > 2 * p && k >= p ? k - (K_ - 2 * p) : k);
+  FilterColumn wavelet(Index k) const {
+    const Index beyond = is_long() ? k - end_wavelets : -1;
+    if (beyond >= 0 && beyond < K_ - 2 * end_wavelets) return {2 * k - p, Inner<p>::wavelet};
+    return stored(ends().Q, k, beyond < 0 ? k : k - (K_ - 2 * end_wavelets));
   }
 
   Coefficients merge(const CoefficientsView& coarse, const CoefficientsView& detail) const {
@@ -451,10 +453,19 @@ class EndpointLevel {
     Split split{Coefficients(K_ + p, columns), Coefficients(K_, columns)};
     for (Index j = 0; j < K_ + p; ++j) split.coarse.row(j) = x.row(std::max(j, std::min(2 * j - ahead, j + K_)));
     for (Index k = 0; k < K_; ++k) split.detail.row(k) = x.row(2 * k + ahead + 1);
+    if (held == 1) {  // to the last bit
+      split.coarse.row(0) = fine.row(0);
+      split.coarse.row(K_ + p - 1) = fine.row(n - 1);
+    }
     return split;
   }
 
  private:
+  static constexpr Index held = arc_ends == ArcEnds::Held ? 1 : 0;  // rows and coarse functions left out at each end
+  static constexpr Index end_wavelets = p + held;                   // that differ from the inner ones, at each end
+
+  bool is_long() const { return K_ > 2 * end_wavelets; }
+
   // Interleaved order c_0 .. c_ahead, d_0, c_{ahead+1}, d_1, ..., then the last c's; reach of the rows in it.
   static constexpr Index ahead = p / 2;
   static constexpr Index below = 2 * p - ahead;
@@ -466,25 +477,26 @@ class EndpointLevel {
     Index first;
     std::vector<double> values;
   };
-  // All columns of P and Q for one K up to 2p; those at the ends are the same for every larger K.
+  // All columns of P and Q for one K up to 2 * end_wavelets; those at the ends are the same for every larger K.
   struct Ends {
     std::vector<Entry> P;
     std::vector<Entry> Q;
   };
 
   const Ends& ends() const {
-    static const std::array<Ends, static_cast<std::size_t>(2 * p)> all = make_ends();
-    return all[static_cast<std::size_t>(std::min<Index>(K_, 2 * p) - 1)];
+    static const AllEnds all = make_ends();
+    return all[static_cast<std::size_t>(std::min<Index>(K_, 2 * end_wavelets) - 1)];
   }
 
-  static Column stored(const std::vector<Entry>& columns, Index index, Index stored_index) {
+  static FilterColumn stored(const std::vector<Entry>& columns, Index index, Index stored_index) {
     const Entry& entry = columns[static_cast<std::size_t>(stored_index)];
-    return {entry.first + 2 * (index - stored_index), static_cast<Index>(entry.values.size()), entry.values.data()};
+    return {entry.first + 2 * (index - stored_index), entry.values};
   }
 
-  static std::array<Ends, static_cast<std::size_t>(2 * p)> make_ends() {
-    std::array<Ends, static_cast<std::size_t>(2 * p)> all;
-    for (Index K = 1; K <= 2 * p; ++K) all[static_cast<std::size_t>(K - 1)] = make_ends(K);
+  using AllEnds = std::array<Ends, static_cast<std::size_t>(2 * end_wavelets)>;
+  static AllEnds make_ends() {
+    AllEnds all;
+    for (Index K = 1; K <= 2 * end_wavelets; ++K) all[static_cast<std::size_t>(K - 1)] = make_ends(K);
     return all;
   }
 
@@ -500,7 +512,8 @@ class EndpointLevel {
       P.row(i).segment(span, p + 1) = polar_weights(p, K, span, arguments);
     }
     const Eigen::MatrixXd band = banded_form(Form::Product, p, false, n);
-    const Eigen::MatrixXd constraints = apply_band(band, false, P).transpose();  // P'G: the Gram matrix is symmetric
+    const Eigen::MatrixXd constraints =  // P'G: the Gram matrix is symmetric
+        apply_band(band, false, P.middleCols(held, K + p - 2 * held)).transpose();
 
     Ends ends;
     for (Index j = 0; j < K + p; ++j) {
@@ -509,8 +522,8 @@ class EndpointLevel {
       ends.P.push_back({first, {values.begin(), values.end()}});
     }
     for (Index k = 0; k < K; ++k) {
-      const Index first = std::max(k, 2 * k - p);
-      const Index size = std::min(K + p + k, 2 * p + 2 * k + 1) - first + 1;
+      const Index first = std::max(k + held, 2 * k - p);
+      const Index size = std::min(K + p + k - held, 2 * p + 2 * k + 1) - first + 1;
       Eigen::FullPivLU<Eigen::MatrixXd> solver(constraints.middleCols(first, size));
       solver.setThreshold(1e-10);  // of the largest pivot: the rank is size - 1, by total positivity
       Eigen::VectorXd values = solver.kernel().col(0);
@@ -523,31 +536,34 @@ class EndpointLevel {
     return ends;
   }
 
-  static void add(const Column& column, double amount, double* x) {
+  static void add(const FilterColumn& column, double amount, double* x) {
     double* const at = x + column.first;
-    for (Index r = 0; r < column.size; ++r) at[r] += column.values[r] * amount;
+    for (std::size_t r = 0; r < column.values.size(); ++r) at[r] += column.values[r] * amount;
   }
-  static double dot(const Column& column, const double* x) {
+  static double dot(const FilterColumn& column, const double* x) {
     double sum = 0.0;
-    for (Index r = 0; r < column.size; ++r) sum += column.values[r] * x[column.first + r];
+    for (std::size_t r = 0; r < column.values.size(); ++r)
+      sum += column.values[r] * x[column.first + static_cast<Index>(r)];
     return sum;
   }
 
   // Rows all of whose columns are inner ones; empty on few spans.
-  Index inner_start() const { return 2 * p + ahead + 1 + below; }
-  Index inner_end() const { return 2 * (K_ - p) - above; }
+  Index inner_start() const { return 2 * end_wavelets + ahead + 1 + below; }
+  Index inner_end() const { return 2 * (K_ - end_wavelets) - above; }
 
-  // Entries of row i of the interleaved [P | Q] from column `from` on.
-  Row matrix_row(Index i, Index from) const {
+  // Entries of row i of the interleaved [P | Q] from column `from` on: of all columns of P and Q that reach it.
+  // Not inlined: g++ 12.2 -O3 specialises it for from = 0 and then loses the inner wavelets (papers_test sees it).
+  [[gnu::noinline]] Row matrix_row(Index i, Index from) const {
     Row row{};
-    for (Index c = std::max<Index>(from, 0); c < std::min(from + width, 2 * K_ + p); ++c) {
-      const Index behind = c - ahead - 1;
-      const bool is_wavelet = behind >= 0 && behind < 2 * K_ && behind % 2 == 0;
-      const Index j = behind < 0 ? c : behind < 2 * K_ ? ahead + 1 + behind / 2 : c - K_;
-      const Column column = is_wavelet ? wavelet(behind / 2) : scaling(j);
+    const auto put = [&](Index position, const FilterColumn& column) {
       const Index r = i - column.first;
-      if (r >= 0 && r < column.size) row[static_cast<std::size_t>(c - from)] = column.values[r];
-    }
+      if (r < 0 || r >= std::ssize(column.values)) return;
+      row[static_cast<std::size_t>(position - from)] = column.values[static_cast<std::size_t>(r)];
+    };
+    const Index last = std::min(i, (i + p) / 2);
+    for (Index j = i / 2; j <= std::min(last, K_ + p - 1); ++j)
+      put(std::max(j, std::min(2 * j - ahead, j + K_)), scaling(j));
+    for (Index k = std::max<Index>(0, i / 2 - p); k <= std::min(last, K_ - 1); ++k) put(2 * k + ahead + 1, wavelet(k));
     return row;
   }
 
@@ -567,37 +583,39 @@ Split split_columns(Kernel kernel, const CoefficientsView& fine) {
   return split;
 }
 
-Split split_level(Scheme scheme, const CoefficientsView& fine) {
+// Calls `work` with the level of an endpoint scheme that has `spans` coarse spans.
+template <typename Work>
+auto at_endpoint_level(Scheme scheme, Index spans, const Work& work) {
   switch (scheme) {
-    case Scheme::Chaikin:
-      return split_columns(split_chaikin<1>, fine);
-    case Scheme::Orthogonal:
-      return split_columns(split_orthogonal, fine);
     case Scheme::EndpointQuadratic:
-      return EndpointLevel<2>((fine.rows() - 2) / 2).split(fine);
-    case Scheme::EndpointCubic:
-      return EndpointLevel<3>((fine.rows() - 3) / 2).split(fine);
+      return work(EndpointLevel<2, ArcEnds::Free>(spans));
+    case Scheme::HeldQuadratic:
+      return work(EndpointLevel<2, ArcEnds::Held>(spans));
+    case Scheme::HeldCubic:
+      return work(EndpointLevel<3, ArcEnds::Held>(spans));
+    default:
+      return work(EndpointLevel<3, ArcEnds::Free>(spans));
   }
-  return {};
+}
+
+Split split_level(Scheme scheme, const CoefficientsView& fine) {
+  if (scheme == Scheme::Chaikin) return split_columns(split_chaikin<1>, fine);
+  if (scheme == Scheme::Orthogonal) return split_columns(split_orthogonal, fine);
+  return at_endpoint_level(scheme, (fine.rows() - degree(scheme)) / 2,
+                           [&](const auto& level) { return level.split(fine); });
 }
 
 Split adjoint_level(Scheme scheme, const CoefficientsView& fine) {
-  switch (scheme) {
-    case Scheme::Chaikin:
-      return split_columns(adjoint_chaikin, fine);
-    case Scheme::Orthogonal:
-      return split_columns(adjoint_orthogonal, fine);
-    case Scheme::EndpointQuadratic:
-      return EndpointLevel<2>((fine.rows() - 2) / 2).adjoint(fine);
-    case Scheme::EndpointCubic:
-      return EndpointLevel<3>((fine.rows() - 3) / 2).adjoint(fine);
-  }
-  return {};
+  if (scheme == Scheme::Chaikin) return split_columns(adjoint_chaikin, fine);
+  if (scheme == Scheme::Orthogonal) return split_columns(adjoint_orthogonal, fine);
+  return at_endpoint_level(scheme, (fine.rows() - degree(scheme)) / 2,
+                           [&](const auto& level) { return level.adjoint(fine); });
 }
 
 Coefficients merge_level(Scheme scheme, const CoefficientsView& coarse, const CoefficientsView& detail) {
-  if (scheme == Scheme::EndpointQuadratic) return EndpointLevel<2>(detail.rows()).merge(coarse, detail);
-  if (scheme == Scheme::EndpointCubic) return EndpointLevel<3>(detail.rows()).merge(coarse, detail);
+  if (!is_closed(scheme)) {
+    return at_endpoint_level(scheme, detail.rows(), [&](const auto& level) { return level.merge(coarse, detail); });
+  }
   const auto kernel = scheme == Scheme::Chaikin ? merge_chaikin<1> : merge_orthogonal;
   Coefficients fine(2 * coarse.rows(), coarse.cols());
   for (Index k = 0; k < coarse.cols(); ++k) {
@@ -640,6 +658,73 @@ Split adjoint(Scheme scheme, const CoefficientsView& fine) {
   require_halvable(scheme, "adjoint", fine.rows());
   require_finite("adjoint", fine);
   return adjoint_level(scheme, fine);
+}
+
+namespace {
+
+constexpr std::array<double, 4> chaikin_scaling = {0.25, 0.75, 0.75, 0.25};
+constexpr std::array<double, 4> chaikin_wavelet = {-0.25, -0.75, 0.75, 0.25};
+
+void require_column(const char* function, Scheme scheme, Index size, Index index, Index count) {
+  if (size < fewest(scheme) || index < 0 || index >= count) {
+    throw InvalidInput(
+        text(name_of(scheme), "::", function, ": column ", index, " of a level of ", size, " control points"));
+  }
+}
+
+}  // namespace
+
+FilterColumn scaling_column(Scheme scheme, Index size, Index j) {
+  require_column("scaling_column", scheme, size, j, size);
+  if (is_closed(scheme)) return {wrapped(2 * j - 2, 2 * size), chaikin_scaling};
+  return at_endpoint_level(scheme, detail_count(scheme, size), [&](const auto& level) { return level.scaling(j); });
+}
+
+FilterColumn wavelet_column(Scheme scheme, Index size, Index k) {
+  require_column("wavelet_column", scheme, size, k, detail_count(scheme, size));
+  if (scheme == Scheme::Chaikin) return {wrapped(2 * k - 2, 2 * size), chaikin_wavelet};
+  if (scheme == Scheme::Orthogonal) return {wrapped(2 * k - 4, 2 * size), quadratic_wavelet};
+  return at_endpoint_level(scheme, detail_count(scheme, size), [&](const auto& level) { return level.wavelet(k); });
+}
+
+Eigen::Vector3d spline_weights(double u) {
+  return {0.5 * (1.0 - u) * (1.0 - u), 0.5 * (1.0 + 2.0 * u - 2.0 * u * u), 0.5 * u * u};
+}
+
+BasisRow basis_row(Scheme scheme, Index size, double t) {
+  if (size < fewest(scheme) || !std::isfinite(t)) {
+    throw InvalidInput(text(name_of(scheme), "::basis_row: parameter ", t, " of ", size, " control points"));
+  }
+  const int p = degree(scheme);
+  BasisRow row;
+  row.count = p + 1;
+  if (is_closed(scheme)) {
+    t -= std::floor((t + 0.5) / static_cast<double>(size)) * static_cast<double>(size);
+    const auto piece = std::min(static_cast<Index>(std::floor(t + 0.5)), size - 1);
+    const Eigen::Vector3d weight = spline_weights(t + 0.5 - static_cast<double>(piece));
+    for (int k = 0; k < 3; ++k) {
+      row.index[static_cast<std::size_t>(k)] = wrapped(piece - 1 + k, size);
+      row.weight[static_cast<std::size_t>(k)] = weight[k];
+    }
+    return row;
+  }
+  const Index spans = size - p;
+  const Index span = static_cast<Index>(std::clamp(std::floor(t), 0.0, static_cast<double>(spans - 1)));
+  const Eigen::RowVectorXd weight = polar_weights(p, spans, span, std::vector<double>(static_cast<std::size_t>(p), t));
+  for (int k = 0; k <= p; ++k) {
+    row.index[static_cast<std::size_t>(k)] = span + k;
+    row.weight[static_cast<std::size_t>(k)] = weight[k];
+  }
+  return row;
+}
+
+Eigen::RowVectorXd evaluate(Scheme scheme, const CoefficientsView& control_points, double t) {
+  const BasisRow row = basis_row(scheme, control_points.rows(), t);
+  Eigen::RowVectorXd value = Eigen::RowVectorXd::Zero(control_points.cols());
+  for (std::size_t k = 0; k < static_cast<std::size_t>(row.count); ++k) {
+    value += row.weight[k] * control_points.row(row.index[k]);
+  }
+  return value;
 }
 
 namespace chaikin {
@@ -806,6 +891,56 @@ MultiresCurve edit_fractional(const MultiresCurve& curve, double level, const Co
   return edited;
 }
 
+namespace {
+
+// Least-squares control points of one level that move the curve at t by 1: w / (w . w).
+Coefficients pull_level(Scheme scheme, Index size, double t) {
+  const BasisRow row = basis_row(scheme, size, t);
+  Coefficients weights = Coefficients::Zero(size, 1);
+  for (std::size_t k = 0; k < static_cast<std::size_t>(row.count); ++k) weights(row.index[k], 0) += row.weight[k];
+  if (is_held(scheme)) weights(0, 0) = weights(size - 1, 0) = 0.0;
+  const double square = weights.squaredNorm();
+  if (square == 0.0) throw InvalidInput(text(name_of(scheme), ": the curve is held at parameter ", t));
+  return weights / square;
+}
+
+}  // namespace
+
+MultiresCurve pull(Scheme scheme, Index size, int levels, double t, double level, Moved moved) {
+  require_levels(scheme, "pull", size, levels);
+  MultiresCurve change{Coefficients(), {}, scheme};
+  std::vector<Index> sizes = {size};  // of the levels, fine first
+  for (int down = 0; down < levels; ++down) sizes.push_back(coarser_size(scheme, sizes.back()));
+  change.coarse = Coefficients::Zero(sizes.back(), 1);
+  for (int j = 0; j < levels; ++j) {
+    const Index details = detail_count(scheme, sizes[static_cast<std::size_t>(levels - j)]);
+    change.details.emplace_back(Coefficients::Zero(details, 1));
+  }
+  const auto [j, f] = split_level_number("pull", change, level);
+  const auto at = [&](int of) {
+    return pull_level(scheme, sizes[static_cast<std::size_t>(levels - of)], coarser_parameter(scheme, t, levels - of));
+  };
+  if (j < 0) {
+    change.coarse = at(0);
+  } else {
+    const double g = f * f;
+    Split narrow = split_level(scheme, at(j + 1));
+    Coefficients broad = g * narrow.coarse;
+    if (g < 1.0) broad += (1.0 - g) * at(j);
+    change.details[static_cast<std::size_t>(j)] = f * narrow.detail;
+    const MultiresCurve coarser = decompose(scheme, broad, j);
+    change.coarse = coarser.coarse;
+    std::ranges::copy(coarser.details, change.details.begin());
+  }
+  if (moved == Moved::Fractional) return change;
+  // Of the whole curve, whose finer control points follow from those of level j + 1.
+  MultiresCurve seen{change.coarse, {change.details.begin(), change.details.begin() + j + 1}, scheme};
+  const double got = evaluate(scheme, reconstruct(seen), coarser_parameter(scheme, t, levels - j - 1))[0];
+  change.coarse /= got;
+  for (Coefficients& detail : change.details) detail /= got;
+  return change;
+}
+
 LevelForm::LevelForm(Form form, Scheme scheme, Index size, int levels) : scheme_(scheme), levels_(levels) {
   if (size < fewest(scheme))
     throw InvalidInput(text("LevelForm: ", size, " control points of scheme ", name_of(scheme)));
@@ -888,6 +1023,14 @@ double coarser_parameter(double t, int levels) {
 double finer_parameter(double t, int levels) {
   for (int level = 0; level < levels; ++level) t = 2.0 * t - 0.5;
   return t;
+}
+
+double coarser_parameter(Scheme scheme, double t, int levels) {
+  return is_closed(scheme) ? coarser_parameter(t, levels) : std::ldexp(t, -levels);
+}
+
+double finer_parameter(Scheme scheme, double t, int levels) {
+  return is_closed(scheme) ? finer_parameter(t, levels) : std::ldexp(t, levels);
 }
 
 }  // namespace fontcore

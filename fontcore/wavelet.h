@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <span>
 #include <vector>
 
@@ -16,13 +17,17 @@ using CoefficientsView = Eigen::Ref<const Eigen::MatrixXd>;  ///< takes Points a
 /// Chaikin and Orthogonal share their spaces: closed quadratic B-splines of N = D * 2^n control points. Chaikin's
 /// analysis is local; Orthogonal's coarse curve is the nearest (least squares over the parameter), its wavelets the
 /// shortest that are orthogonal to every coarse curve. The endpoint schemes are for open arcs: K = D * 2^n spans, K +
-/// degree control points, the first and last on the ends of the arc, wavelets as short as can be and orthogonal.
+/// degree control points, the first and last on the ends of the arc, wavelets as short as can be and orthogonal. A
+/// coarse arc of theirs ends near the ends of the fine one, not on them. The held schemes have the same curves, and
+/// coarse arcs that are the nearest of those with the very same ends: their wavelets vanish at both ends and are
+/// orthogonal to the coarse curves that do.
 ///
-/// Source  [HBS05] eq. 7 and 8; [FS94] sections 2 and 3.
-enum class Scheme { Chaikin, Orthogonal, EndpointQuadratic, EndpointCubic };
+/// Source  [HBS05] eq. 7 and 8; [FS94] sections 2 and 3. The held schemes are ours: corners of an outline must stay.
+enum class Scheme { Chaikin, Orthogonal, EndpointQuadratic, EndpointCubic, HeldQuadratic, HeldCubic };
 
 constexpr bool is_closed(Scheme scheme) { return scheme == Scheme::Chaikin || scheme == Scheme::Orthogonal; }
-constexpr int degree(Scheme scheme) { return scheme == Scheme::EndpointCubic ? 3 : 2; }
+constexpr bool is_held(Scheme scheme) { return scheme == Scheme::HeldQuadratic || scheme == Scheme::HeldCubic; }
+constexpr int degree(Scheme scheme) { return scheme == Scheme::EndpointCubic || scheme == Scheme::HeldCubic ? 3 : 2; }
 /// Fewest control points of a level: 4 where filters would else meet themselves, one span of an open arc.
 constexpr int fewest(Scheme scheme) { return is_closed(scheme) ? 4 : degree(scheme) + 1; }
 /// The number of wavelets between a level of `size` control points and the next finer one: its spans.
@@ -63,6 +68,37 @@ Coefficients refine(Scheme scheme, const CoefficientsView& coarse);
 /// Shape, Throws  as for `analyze`.
 /// Source  [HBS05] eq. 14 and 15, the (P) and the (Q) filter.
 Split adjoint(Scheme scheme, const CoefficientsView& fine);
+
+/// A column of P or of Q: what one coarse control point, or one detail, adds to the fine control points.
+///
+/// Rows first .. first + values.size() - 1; modulo the number of fine control points if closed. The values live for
+/// ever.
+struct FilterColumn {
+  Eigen::Index first = 0;
+  std::span<const double> values;
+};
+/// Column j of P, and column k of Q, that lead from `size` control points to the next finer level.
+/// Throws  InvalidInput if the size is below `fewest` or the index out of range.
+/// Source  [HBS05] eq. 1 to 3; [FS94] appendix A.
+FilterColumn scaling_column(Scheme scheme, Eigen::Index size, Eigen::Index j);
+FilterColumn wavelet_column(Scheme scheme, Eigen::Index size, Eigen::Index k);
+
+/// The control points that matter at one parameter, and how much each does: degree + 1 weights that sum to 1.
+///
+/// A closed curve of N points has the parameter t modulo N, piece i over [i - 1/2, i + 1/2], and indices modulo N; an
+/// open arc of K spans the parameter [0, K], beyond which its end pieces go on.
+struct BasisRow {
+  std::array<Eigen::Index, 4> index{};
+  std::array<double, 4> weight{};
+  int count = 0;
+};
+/// Throws  InvalidInput if the size is below `fewest` or t is not finite.
+BasisRow basis_row(Scheme scheme, Eigen::Index size, double t);
+/// The curve at t: a row as wide as the control points.
+Eigen::RowVectorXd evaluate(Scheme scheme, const CoefficientsView& control_points, double t);
+
+/// Weights of the control points i - 1, i, i + 1 of a closed curve at t = i - 1/2 + u, u in [0, 1].
+Eigen::Vector3d spline_weights(double u);
 
 /// Chaikin's scheme: closed uniform quadratic B-splines, local and exact filters, not orthogonal.
 ///
@@ -149,6 +185,22 @@ Coefficients fractional(const MultiresCurve& curve, double level);
 /// Source  [FS94] editing at fractional levels.
 MultiresCurve edit_fractional(const MultiresCurve& curve, double level, const CoefficientsView& change);
 
+/// Direct manipulation: the change that moves the curve's point at t by 1, of all coefficients, in a single column.
+///
+/// Times a move (1×k) it is a change of k columns. At level j + f the broad answer, least squares over the control
+/// points of level j, is mixed with the narrow one, at level j + 1, by g = f^2: dc^j = (1 - g) broad + g A narrow, dd^j
+/// = (g / f) B narrow; details finer than those are 0. The point that moves by 1 is that of the curve at the fractional
+/// level ([FS94]); `whole` scales the change so that it is that of the whole curve. Ends of held arcs do not take part.
+///
+/// Shape   coefficients of a curve of `size` control points seen from `levels` below.
+/// Units   t as for `basis_row` at the finest level.
+/// Throws  InvalidInput if the level is not in [0, levels], the size cannot be halved so often, or nothing that may
+/// move
+///         has a weight at t: the end of a held arc.
+/// Source  [FS94] editing at fractional levels, direct manipulation (pseudo-inverse).
+enum class Moved { Fractional, Whole };
+MultiresCurve pull(Scheme scheme, Eigen::Index size, int levels, double t, double level, Moved moved = Moved::Whole);
+
 /// The integrals that are quadratic in the control points, over the parameter with spans of length 1.
 enum class Form {
   Product,  ///< of f g: the Gram matrix
@@ -201,9 +253,11 @@ double area(const MultiresCurve& curve, int level);
 /// Source  [HBS05] eq. 19: E = 1/2 X H^L X' + 1/2 Y H^L Y'.
 double energy(const MultiresCurve& curve, int level);
 
-/// Closed curves: parameter of level `finest - levels` for the parameter t of the finest level, and back. For open arcs
-/// the parameter halves: spans are counted from the first end.
+/// Closed curves: parameter of level `finest - levels` for the parameter t of the finest level, and back.
 double coarser_parameter(double t, int levels);
 double finer_parameter(double t, int levels);
+/// The same for any scheme: on open arcs the parameter halves, as spans are counted from the first end.
+double coarser_parameter(Scheme scheme, double t, int levels);
+double finer_parameter(Scheme scheme, double t, int levels);
 
 }  // namespace fontcore

@@ -101,8 +101,8 @@ TEST_CASE("a corner turns by no more than the sweep turns the directions that me
       for (const int side : {contour.previous(s), s}) {
         double steepest = 0.0;
         for (int k = 0; k < 64; ++k) {
-          const Point d0 = evaluate_spline(edit.field, curve.parameter(side, k / 64.0));
-          const Point d1 = evaluate_spline(edit.field, curve.parameter(side, (k + 1) / 64.0));
+          const Point d0 = evaluate(Scheme::Chaikin, edit.field, curve.parameter(side, k / 64.0));
+          const Point d1 = evaluate(Scheme::Chaikin, edit.field, curve.parameter(side, (k + 1) / 64.0));
           const double stretch =
               (evaluate(contour.segment(side), (k + 1) / 64.0) - evaluate(contour.segment(side), k / 64.0)).norm();
           steepest = std::max(steepest, (d1 - d0).norm() / stretch);

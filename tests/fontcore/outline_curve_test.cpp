@@ -128,7 +128,7 @@ TEST_CASE("an affine map of all control points gives that map of the outline", "
     const Points field = moved - curve.control_points();
     for (double t = -0.5; t < curve.size() - 0.5; t += 0.29) {
       const Point outline = curve.outline_at(t);
-      const Point edited = outline + evaluate_spline(field, t).transpose();
+      const Point edited = outline + evaluate(Scheme::Chaikin, field, t).transpose();
       const double residual = (outline - curve.spline_at(t)).norm();
       CHECK((edited - map(outline)).norm() <= 1e-9 + strength * residual);
     }

@@ -15,10 +15,12 @@ using namespace fontcore;
 
 namespace {
 
-constexpr std::array<Scheme, 4> all_schemes = {Scheme::Chaikin, Scheme::Orthogonal, Scheme::EndpointQuadratic,
-                                               Scheme::EndpointCubic};
+constexpr std::array<Scheme, 6> all_schemes = {Scheme::Chaikin,       Scheme::Orthogonal,    Scheme::EndpointQuadratic,
+                                               Scheme::EndpointCubic, Scheme::HeldQuadratic, Scheme::HeldCubic};
 constexpr std::array<Scheme, 3> orthogonal_schemes = {Scheme::Orthogonal, Scheme::EndpointQuadratic,
                                                       Scheme::EndpointCubic};
+constexpr std::array<Scheme, 4> open_schemes = {Scheme::EndpointQuadratic, Scheme::EndpointCubic, Scheme::HeldQuadratic,
+                                                Scheme::HeldCubic};
 
 Eigen::Index points_of_spans(Scheme scheme, Eigen::Index spans) {
   return is_closed(scheme) ? spans : spans + degree(scheme);
@@ -198,13 +200,64 @@ TEST_CASE("[FS94] wavelets are orthogonal to every coarse function, and coarse c
   }
 }
 
+TEST_CASE("held arcs: coarse curves are the nearest with the same ends, wavelets vanish there", "[papers]") {
+  for (const Scheme scheme : {Scheme::HeldQuadratic, Scheme::HeldCubic}) {
+    for (const Eigen::Index spans : few_spans(scheme)) {
+      const auto [P, Q] = synthesis_matrices(scheme, spans);
+      const Eigen::MatrixXd G = form_by_quadrature(Form::Product, scheme, 2 * spans);
+      const Eigen::MatrixXd vanishing = P.middleCols(1, P.cols() - 2);
+      CHECK(largest(vanishing.transpose() * G * Q) < 1e-12);
+      CHECK(Q.row(0).isZero(0.0));
+      CHECK(Q.bottomRows(1).isZero(0.0));
+      const Points fine = shapes::random_points(P.rows(), 3);
+      const Split split = analyze(scheme, fine);
+      CHECK(split.coarse.row(0) == fine.row(0));
+      CHECK(split.coarse.bottomRows(1) == fine.bottomRows(1));
+      Eigen::MatrixXd rest = fine - P.leftCols(1) * fine.row(0) - P.rightCols(1) * fine.bottomRows(1);
+      const Eigen::MatrixXd inner = split.coarse.middleRows(1, split.coarse.rows() - 2);
+      CHECK(largest((vanishing.transpose() * G * vanishing).ldlt().solve(vanishing.transpose() * G * rest) - inner) <
+            1e-9);
+    }
+  }
+}
+
+TEST_CASE("[FS94] appendix A: P and Q are given by their columns, and the basis by its rows", "[papers]") {
+  for (const Scheme scheme : all_schemes) {
+    for (const Eigen::Index spans : few_spans(scheme)) {
+      const auto [P, Q] = synthesis_matrices(scheme, spans);
+      const auto dense = [&](const FilterColumn& column) {
+        Eigen::VectorXd values = Eigen::VectorXd::Zero(P.rows());
+        for (std::size_t r = 0; r < column.values.size(); ++r) {
+          values[(column.first + static_cast<Eigen::Index>(r)) % P.rows()] += column.values[r];
+        }
+        return values;
+      };
+      for (Eigen::Index j = 0; j < P.cols(); ++j)
+        CHECK(largest(dense(scaling_column(scheme, P.cols(), j)) - P.col(j)) < 1e-16);
+      for (Eigen::Index k = 0; k < Q.cols(); ++k)
+        CHECK(largest(dense(wavelet_column(scheme, P.cols(), k)) - Q.col(k)) < 1e-16);
+      for (double t = 0.0; t < static_cast<double>(spans); t += 0.13) {
+        // The test numbers closed functions by where they start, the library by their middle.
+        const BasisRow row = basis_row(scheme, P.cols(), is_closed(scheme) ? t - 0.5 : t);
+        Eigen::RowVectorXd weights = Eigen::RowVectorXd::Zero(P.cols());
+        for (std::size_t k = 0; k < static_cast<std::size_t>(row.count); ++k) {
+          weights[is_closed(scheme) ? (row.index[k] + 1) % P.cols() : row.index[k]] += row.weight[k];
+        }
+        CHECK(largest(weights - basis(scheme, spans, t, 0)) < 1e-14);
+      }
+    }
+  }
+}
+
 TEST_CASE("[FS94] wavelets have the shortest supports there are", "[papers]") {
   // A wavelet over s fine functions must be orthogonal to all coarse functions that meet them: with one fewer fine
   // function at either end none is left but zero.
-  for (const Scheme scheme : {Scheme::EndpointQuadratic, Scheme::EndpointCubic}) {
+  for (const Scheme scheme : open_schemes) {
     for (const Eigen::Index spans : few_spans(scheme)) {
       const auto [P, Q] = synthesis_matrices(scheme, spans);
-      const Eigen::MatrixXd constraints = P.transpose() * form_by_quadrature(Form::Product, scheme, 2 * spans);
+      const Eigen::Index held = is_held(scheme) ? 1 : 0;
+      const Eigen::MatrixXd constraints =
+          P.middleCols(held, P.cols() - 2 * held).transpose() * form_by_quadrature(Form::Product, scheme, 2 * spans);
       for (Eigen::Index k = 0; k < Q.cols(); ++k) {
         Eigen::Index first = 0;
         Eigen::Index last = Q.rows() - 1;
@@ -234,7 +287,7 @@ TEST_CASE("the printed wavelets of uniform quadratic and cubic B-splines, and th
 }
 
 TEST_CASE("the wavelets of one end of an arc are those of the other, mirrored", "[papers]") {
-  for (const Scheme scheme : {Scheme::EndpointQuadratic, Scheme::EndpointCubic}) {
+  for (const Scheme scheme : open_schemes) {
     const double sign = degree(scheme) == 3 ? 1.0 : -1.0;  // a quadratic wavelet is odd, a cubic one even
     for (const Eigen::Index spans : few_spans(scheme)) {
       const Eigen::MatrixXd Q = synthesis_matrices(scheme, spans).Q;

@@ -14,8 +14,10 @@ using namespace fontcore;
 
 namespace {
 
-constexpr std::array<Scheme, 4> all_schemes = {Scheme::Chaikin, Scheme::Orthogonal, Scheme::EndpointQuadratic,
-                                               Scheme::EndpointCubic};
+constexpr std::array<Scheme, 6> all_schemes = {Scheme::Chaikin,       Scheme::Orthogonal,    Scheme::EndpointQuadratic,
+                                               Scheme::EndpointCubic, Scheme::HeldQuadratic, Scheme::HeldCubic};
+constexpr std::array<Scheme, 4> open_schemes = {Scheme::EndpointQuadratic, Scheme::EndpointCubic, Scheme::HeldQuadratic,
+                                                Scheme::HeldCubic};
 
 // Control points of a curve with `spans` spans.
 Eigen::Index points_of_spans(Scheme scheme, Eigen::Index spans) {
@@ -103,7 +105,7 @@ TEST_CASE("an affine map of the control points maps every level, and leaves shif
 }
 
 TEST_CASE("an arc run backwards has its control points backwards at every level", "[wavelet]") {
-  for (const Scheme scheme : {Scheme::EndpointQuadratic, Scheme::EndpointCubic}) {
+  for (const Scheme scheme : open_schemes) {
     for (const Eigen::Index spans : {2, 4, 6, 8, 10, 12, 14, 40}) {
       const Coefficients fine = random_rows(points_of_spans(scheme, spans), 2, 31);
       const Coefficients coarse = analyze(scheme, fine).coarse;
@@ -114,7 +116,7 @@ TEST_CASE("an arc run backwards has its control points backwards at every level"
 }
 
 TEST_CASE("the ends of an arc are its first and last control points, and refinement leaves them there", "[wavelet]") {
-  for (const Scheme scheme : {Scheme::EndpointQuadratic, Scheme::EndpointCubic}) {
+  for (const Scheme scheme : open_schemes) {
     const Coefficients coarse = random_rows(points_of_spans(scheme, 5), 2, 9);
     const Coefficients fine = refine(scheme, coarse);
     CHECK(fine.row(0) == coarse.row(0));
@@ -175,7 +177,8 @@ TEST_CASE("refinement draws the same curve at the parameters of the finer level"
   const Points coarse = shapes::random_points(6, 3);
   const Points fine = chaikin::refine(chaikin::refine(coarse));
   for (double t = -0.5; t < 24.0; t += 0.37) {
-    CHECK((evaluate_spline(fine, t) - evaluate_spline(coarse, coarser_parameter(t, 2))).norm() < 1e-11);
+    CHECK((evaluate(Scheme::Chaikin, fine, t) - evaluate(Scheme::Chaikin, coarse, coarser_parameter(t, 2))).norm() <
+          1e-11);
     CHECK(finer_parameter(coarser_parameter(t, 5), 5) == Approx(t).margin(1e-12));
   }
   CHECK(limit_area(fine) == Approx(limit_area(coarse)).epsilon(1e-12));
@@ -282,4 +285,43 @@ TEST_CASE("sizes, levels and numbers that do not fit are refused by value and pl
                         Catch::Contains("chaikin::analyze_into: point 5, column 1 is "));
     }
   }
+}
+
+TEST_CASE("direct manipulation moves the point it is about by what was asked, at every level", "[wavelet]") {
+  for (const Scheme scheme : all_schemes) {
+    const Eigen::Index size = points_of_spans(scheme, 48);
+    const MultiresCurve none = decompose(scheme, Coefficients::Zero(size, 1), 3);
+    for (const double level : {0.0, 0.3, 1.0, 1.8, 2.5, 3.0}) {
+      for (const double t : {0.7, 11.0, 23.4, 40.25}) {
+        const MultiresCurve whole = pull(scheme, size, 3, t, level);
+        CHECK(evaluate(scheme, reconstruct(whole), t)[0] == Approx(1.0).epsilon(1e-12));
+
+        const MultiresCurve part = pull(scheme, size, 3, t, level, Moved::Fractional);
+        const Coefficients seen = level == 0.0 ? part.coarse : fractional(part, level);
+        CHECK(evaluate(scheme, seen, coarser_parameter(scheme, t, 3 - static_cast<int>(std::ceil(level))))[0] ==
+              Approx(1.0).epsilon(1e-12));
+        for (std::size_t finer = static_cast<std::size_t>(std::ceil(level)); finer < 3; ++finer) {
+          CHECK(part.details[finer].isZero(0.0));
+        }
+      }
+    }
+  }
+}
+
+TEST_CASE("the breadth of direct manipulation goes from one level's to the next without a jump", "[wavelet]") {
+  for (const Scheme scheme : all_schemes) {
+    const Eigen::Index size = points_of_spans(scheme, 64);
+    const auto change = [&](double level) { return reconstruct(pull(scheme, size, 4, 20.3, level)); };
+    for (double level = 0.0; level < 3.99; level += 0.05) {
+      CHECK(largest_difference(change(level), change(level + 1e-6)) < 1e-4);
+    }
+    const auto norm = [&](double level) { return change(level).norm(); };
+    for (double level = 0.0; level < 4.0; level += 1.0) CHECK(norm(level) > norm(level + 1.0));
+  }
+}
+
+TEST_CASE("the end of a held arc cannot be pulled, and says so", "[wavelet]") {
+  CHECK(message_of<InvalidInput>([] { pull(Scheme::HeldCubic, 11, 2, 0.0, 1.5); }) ==
+        "held_cubic: the curve is held at parameter 0");
+  CHECK(reconstruct(pull(Scheme::HeldCubic, 11, 2, 0.01, 1.5)).row(0).isZero(0.0));
 }
