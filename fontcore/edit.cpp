@@ -2,7 +2,6 @@
 
 #include <Eigen/SparseCholesky>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -60,105 +59,143 @@ Points respect_corners(const OutlineCurve& curve, Points field) {
 
 namespace {
 
-// Three-point Gauss-Legendre rule on [0, 1].
-constexpr std::array<double, 3> gauss_node = {0.11270166537925831, 0.5, 0.88729833462074169};
-constexpr std::array<double, 3> gauss_weight = {5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0};
-
-// |x|^2 and E(x) over one piece's arc length as forms of its three control points.
-struct PieceForms {
-  Eigen::Matrix3d mass = Eigen::Matrix3d::Zero();
-  Eigen::Matrix3d bending = Eigen::Matrix3d::Zero();
+// What smoothing makes of one arc: the change of its control points at the finest level, and its measures.
+struct ArcChange {
+  Coefficients change;
+  double energy_before = 0.0;
+  double energy_after = 0.0;
+  double distance = 0.0;
+  double detail = 0.0;
 };
 
-PieceForms piece_forms(const OutlineCurve& curve, int piece) {
-  PieceForms forms;
-  for (std::size_t g = 0; g < gauss_node.size(); ++g) {
-    const double u = gauss_node[g];
-    const auto [speed, change] = curve.pace(piece - 0.5 + u);
-    const Eigen::Vector3d value = spline_weights(u);
-    const Eigen::Vector3d slope(u - 1.0, 1.0 - 2.0 * u, u);
-    const Eigen::Vector3d bend(1.0, -2.0, 1.0);
-    // d^2x / ds^2 = (x_tt s_t - x_t s_tt) / s_t^3: straight runs, where x is linear in s, have none.
-    const Eigen::Vector3d second = (bend * speed - slope * change) / (speed * speed * speed);
-    forms.mass += gauss_weight[g] * speed * value * value.transpose();
-    forms.bending += gauss_weight[g] * speed * second * second.transpose();
+// |.|^2 over arc length of a displacement, to the power 1/2.
+double norm_over_length(const Eigen::SparseMatrix<double>& mass, const Coefficients& x) {
+  return std::sqrt(std::max(0.0, x.cwiseProduct(mass * x).sum()));
+}
+
+// What an infinite scale would leave of control points x: by level the coarsest curve; by energy that of no energy, the
+// chord, for a closed curve the middle.
+Coefficients without_detail(const MultiresCurve& base, const Coefficients& x, SmoothBy by) {
+  MultiresCurve curve = decompose(base.scheme, x, base.levels());
+  for (Coefficients& detail : curve.details) detail.setZero();
+  if (by == SmoothBy::Energy) {
+    if (is_closed(base.scheme)) {
+      curve.coarse.rowwise() = x.colwise().mean();
+    } else {
+      const Eigen::RowVectorXd chord = x.bottomRows(1) - x.topRows(1);
+      const Eigen::Index n = curve.coarse.rows();  // of a single span
+      for (Eigen::Index k = 0; k < n; ++k) {
+        curve.coarse.row(k) = x.row(0) + static_cast<double>(k) / static_cast<double>(n - 1) * chord;
+      }
+    }
   }
-  return forms;
+  return reconstruct(curve);
+}
+
+ArcChange smooth_arc(const ArcwiseCurve::Arc& arc, double scale, SmoothBy by) {
+  const MultiresCurve& base = arc.curve.base();
+  const Scheme scheme = base.scheme;
+  Coefficients c = reconstruct(base);
+  const Eigen::RowVector2d middle = c.colwise().mean();
+  c.rowwise() -= middle;  // or large coordinates would cancel in the energy
+  const Eigen::Index n = c.rows();
+  const double span = arc.span_length();
+  const Eigen::SparseMatrix<double> mass = span * mother_matrix(Form::Product, scheme, n);
+  const Eigen::SparseMatrix<double> bending = 0.5 / (span * span * span) * mother_matrix(Form::Energy, scheme, n);
+
+  ArcChange result{Coefficients::Zero(n, 2)};
+  const Eigen::Index held = is_closed(scheme) ? 0 : 1;
+  const Eigen::Index inner = n - 2 * held;
+  if (scale > 0.0 && by == SmoothBy::Level) {
+    const double level = arc.level_of_scale(scale);
+    if (level < base.levels()) {
+      Coefficients x = arc.at_level(level);
+      x.rowwise() -= middle;
+      while (x.rows() < n) x = refine(scheme, x);
+      result.change = x - c;
+    }
+  } else if (scale > 0.0) {
+    const double stiffness = std::pow(scale / (2.0 * std::numbers::pi), 4);
+    const Eigen::SparseMatrix<double> system = (mass + stiffness * bending).block(held, held, inner, inner);
+    const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>, Eigen::Lower> factor(system);
+    const Coefficients force = -stiffness * (bending * c);
+    result.change.middleRows(held, inner) = factor.solve(force.middleRows(held, inner));
+  }
+  // An arc that only rounding moves stays; as a whole, since its energy hangs on differences of neighbours.
+  if (result.change.rowwise().norm().maxCoeff() < negligible * arc.length) result.change.setZero();
+  const Coefficients x = c + result.change;
+  const auto energy_of = [&](const Coefficients& points) { return points.cwiseProduct(bending * points).sum(); };
+  result.energy_before = energy_of(c);
+  result.energy_after = energy_of(x);
+  result.distance = norm_over_length(mass, result.change);
+  result.detail = norm_over_length(mass, x - without_detail(base, x, by));
+  return result;
+}
+
+// The field on the model's control points that is, at every t = i, what the arcs' changes are at that place.
+Points field_of(const OutlineCurve& curve, const ArcwiseCurve& arcs, const std::vector<Coefficients>& changes) {
+  const int n = curve.size();
+  std::vector<bool> fixed(static_cast<std::size_t>(n), false);
+  if (arcs.arcs().size() > 1 || !is_closed(arcs.arcs()[0].curve.scheme())) {
+    for (const int i : curve.corner_pairs()) {
+      fixed[static_cast<std::size_t>(i)] = fixed[static_cast<std::size_t>((i + 1) % n)] = true;
+    }
+  }
+  // (x_{i-1} + 6 x_i + x_{i+1}) / 8 = D(i); what is fixed is 0.
+  std::vector<Eigen::Triplet<double>> entries;
+  Points right = Points::Zero(n, 2);
+  for (int i = 0; i < n; ++i) {
+    entries.emplace_back(i, i, 0.75);
+    if (fixed[static_cast<std::size_t>(i)]) continue;
+    const int next = (i + 1) % n;
+    const int before = (i + n - 1) % n;
+    for (const int other : {before, next}) {
+      if (!fixed[static_cast<std::size_t>(other)]) entries.emplace_back(i, other, 0.125);
+    }
+    const double s = curve.arc_length(-0.5, i);
+    const int a = arcs.arc_at(s);
+    const ArcwiseCurve::Arc& arc = arcs.arcs()[static_cast<std::size_t>(a)];
+    right.row(i) = evaluate(arc.curve.scheme(), changes[static_cast<std::size_t>(a)], arc.parameter(s));
+  }
+  if (right.isZero(0.0)) return right;
+  Eigen::SparseMatrix<double> system(n, n);
+  system.setFromTriplets(entries.begin(), entries.end());
+  const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>, Eigen::Lower> factor(system);
+  Points field = factor.solve(right);
+  for (int i = 0; i < n; ++i) {
+    if (fixed[static_cast<std::size_t>(i)] || field.row(i).norm() < negligible * curve.length()) field.row(i).setZero();
+  }
+  return field;
+}
+
+Smoothing smooth_arcs(const OutlineCurve& curve, const ArcwiseCurve& arcs, double scale, SmoothBy by) {
+  if (!(scale >= 0.0) || !std::isfinite(scale)) throw InvalidInput(text("smooth: scale ", scale, " is not a length"));
+  Smoothing result;
+  std::vector<Coefficients> changes;
+  for (const ArcwiseCurve::Arc& arc : arcs.arcs()) {
+    ArcChange change = smooth_arc(arc, scale, by);
+    changes.push_back(std::move(change.change));
+    result.energy_before.push_back(change.energy_before);
+    result.energy_after.push_back(change.energy_after);
+    result.distance.push_back(change.distance);
+    result.detail.push_back(change.detail);
+  }
+  result.field = field_of(curve, arcs, changes);
+  return result;
+}
+
+// The arcs to smooth, a little nearer to the outline than its own model is.
+ArcwiseCurve arcs_of(const OutlineCurve& curve, Corners corners) {
+  return ArcwiseCurve(curve, {.tolerance = std::max(curve.distance(), 1e-6 * curve.length()), .corners = corners});
 }
 
 }  // namespace
 
-Smoothing smooth_by_energy(const OutlineCurve& curve, double scale) {
-  if (!(scale >= 0.0) || !std::isfinite(scale))
-    throw InvalidInput(text("smooth_by_energy: scale ", scale, " is not a length"));
-  const int n = curve.size();
-  const Points& x = curve.control_points();
-  const double stiffness = std::pow(scale / (2.0 * std::numbers::pi), 4);
-  std::vector<int> column(static_cast<std::size_t>(n), 0);
-  for (const int i : curve.corner_pairs())
-    column[static_cast<std::size_t>(i)] = column[static_cast<std::size_t>((i + 1) % n)] = -1;
-  int unknowns = 0;
-  for (int& c : column) c = c < 0 ? c : unknowns++;
-
-  std::vector<PieceForms> forms;
-  for (int i = 0; i < n; ++i) forms.push_back(piece_forms(curve, i));
-  const auto control = [&](int piece, int k) { return ((piece - 1 + k) % n + n) % n; };
-  Smoothing result{Points::Zero(n, 2), {}, {}, {}};
-  if (scale > 0.0 && unknowns > 0) {
-    std::vector<Eigen::Triplet<double>> entries;
-    Points right = Points::Zero(unknowns, 2);
-    for (int i = 0; i < n; ++i) {
-      const PieceForms& form = forms[static_cast<std::size_t>(i)];
-      for (int p = 0; p < 3; ++p) {
-        const int row = column[static_cast<std::size_t>(control(i, p))];
-        if (row < 0) continue;
-        for (int q = 0; q < 3; ++q) {
-          const int j = control(i, q);
-          right.row(row) -= stiffness * form.bending(p, q) * (x.row(j) - x.row(i));  // a shift has no energy
-          const int col = column[static_cast<std::size_t>(j)];
-          if (col >= 0 && col <= row) entries.emplace_back(row, col, form.mass(p, q) + stiffness * form.bending(p, q));
-        }
-      }
-    }
-    Eigen::SparseMatrix<double> system(unknowns, unknowns);
-    system.setFromTriplets(entries.begin(), entries.end());
-    const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>, Eigen::Lower> factor(system);
-    const Points solved = factor.solve(right);
-    for (int i = 0; i < n; ++i) {
-      const int row = column[static_cast<std::size_t>(i)];
-      if (row >= 0) result.field.row(i) = solved.row(row);
-    }
-    // An arc that only rounding moves stays; as a whole, since its energy hangs on differences of neighbours.
-    const double least = 1e-9 * curve.length();
-    for (const auto& [first, size] : curve.arcs()) {
-      auto arc = result.field.middleRows(first, size);
-      if (arc.rowwise().norm().maxCoeff() < least) arc.setZero();
-    }
-  }
-  for (const auto& [first, size] : curve.arcs()) {
-    double before = 0.0;
-    double after = 0.0;
-    double distance = 0.0;
-    for (int i = first; i < first + size; ++i) {
-      Eigen::Matrix<double, 3, 2> c;
-      Eigen::Matrix<double, 3, 2> d;
-      for (int k = 0; k < 3; ++k) {
-        c.row(k) = x.row(control(i, k)) - x.row(i);  // from the piece's middle, or large coordinates would cancel
-        d.row(k) = result.field.row(control(i, k));
-      }
-      const PieceForms& form = forms[static_cast<std::size_t>(i)];
-      before += (c.transpose() * form.bending * c).trace();
-      after += ((c + d).transpose() * form.bending * (c + d)).trace();
-      distance += (d.transpose() * form.mass * d).trace();
-    }
-    result.energy_before.push_back(before);
-    result.energy_after.push_back(after);
-    result.distance.push_back(std::sqrt(std::max(0.0, distance)));
-  }
-  return result;
+Smoothing smooth(const OutlineCurve& curve, double scale, SmoothBy by, Corners corners) {
+  return smooth_arcs(curve, arcs_of(curve, corners), scale, by);
 }
 
-Points equalize(const OutlineCurve& curve, const std::vector<Band>& bands) {
+Points equalize(const OutlineCurve& curve, const std::vector<Band>& bands, SmoothBy by, Corners corners) {
   double before = 0.0;
   for (const Band& band : bands) {
     if (!(band.scale > before) || !std::isfinite(band.scale)) {
@@ -170,10 +207,13 @@ Points equalize(const OutlineCurve& curve, const std::vector<Band>& bands) {
     before = band.scale;
   }
   Points field = Points::Zero(curve.size(), 2);
+  const bool changes = std::any_of(bands.begin(), bands.end(), [](const Band& band) { return band.gain != 1.0; });
+  if (!changes) return field;
+  const ArcwiseCurve arcs = arcs_of(curve, corners);
   for (const auto& [scale, gain] : bands) {
     if (gain == 1.0) continue;
-    const Points finer = smooth_by_energy(curve, scale / std::numbers::sqrt2).field;
-    field += (gain - 1.0) * (finer - smooth_by_energy(curve, scale * std::numbers::sqrt2).field);
+    const Points finer = smooth_arcs(curve, arcs, scale / std::numbers::sqrt2, by).field;
+    field += (gain - 1.0) * (finer - smooth_arcs(curve, arcs, scale * std::numbers::sqrt2, by).field);
   }
   return field;
 }

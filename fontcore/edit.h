@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "fontcore/arcwise.h"
 #include "fontcore/contour.h"
 #include "fontcore/outline_curve.h"
 
@@ -36,26 +37,36 @@ double breadth_of_level(const OutlineCurve& curve, double t, int levels_down);
 /// The field with both members of every corner pair moved by its value at the corner, so that corners stay corners.
 Points respect_corners(const OutlineCurve& curve, Points field);
 
-/// The displacement that smooths an outline's spline, arc by arc, and what it does to every arc.
+/// How features shorter than a scale are taken away.
+enum class SmoothBy {
+  Energy,  ///< every arc becomes the x that makes |x - c|^2 + (scale / 2 pi)^4 E(x) least, with its ends fixed
+  Level,   ///< every arc becomes its own at the fractional level whose spans are half the scale ([FS94])
+};
+
+/// The displacement that smooths an outline, and what it does to every arc.
 struct Smoothing {
   Points field;                       ///< displacement of the spline's control points, N×2, font units
   std::vector<double> energy_before;  ///< per arc: integral of |x''|^2 over arc length, 1 / font units
   std::vector<double> energy_after;
   std::vector<double> distance;  ///< per arc: integral of |displacement|^2 over arc length, to the power 1/2
+  std::vector<double> detail;    ///< per arc: the same of x less what an infinite scale leaves of it
 };
 
-/// Smooths by energy: every arc becomes the x that makes |x - c|^2 + (scale / 2 pi)^4 E(x) least, with its ends fixed.
+/// Smooths an outline, arc by arc: features well below `scale` go, those well above it stay.
 ///
-/// |.|^2 and E, the bending energy, are integrals over the outline's arc length, so `scale` is a length: features well
-/// below it go, those well above it stay. Continuous in the scale; with it the distance grows and the energy falls, on
-/// every arc. Corners stay where they are, straight arcs stay as they are, and a scale of 0 displaces nothing.
+/// |.|^2 and E, the bending energy, are integrals over the arc length that the outline has, of the splines of
+/// `ArcwiseCurve`. Continuous in the scale; with it the distance grows and the details fall on every arc, either way;
+/// by energy the energy falls too (by level it may rise: least squares knows nothing of it). With Corners::Keep corners
+/// stay to the last bit; with Corners::Round the contour is one arc across them. Arcs that are straight stay as they
+/// are, and a scale of 0 displaces nothing.
 ///
-/// Shape   field N×2; the others one number an arc, as `curve.arcs()` lists them.
+/// Shape   field N×2; the others one number an arc of `ArcwiseCurve`.
 /// Units   scale in font units.
-/// Exact   the integrals by three Gauss points a piece; displacements below 1e-9 of the contour's length are 0.
+/// Exact   on those splines; the field meets the displacement at every t = i.
 /// Throws  InvalidInput if scale is negative or not finite.
-/// Source  DESIGN, Smoothing; the energy of [HBS05] section 4.2, over arc length.
-Smoothing smooth_by_energy(const OutlineCurve& curve, double scale);
+/// Source  DESIGN, Smoothing; [FS94] smoothing; the energy of [HBS05] section 4.2, over arc length.
+Smoothing smooth(const OutlineCurve& curve, double scale, SmoothBy by = SmoothBy::Energy,
+                 Corners corners = Corners::Keep);
 
 /// A gain for the features of about one size.
 struct Band {
@@ -71,7 +82,8 @@ struct Band {
 ///
 /// Shape   N×2 like the control points.
 /// Throws  InvalidInput naming the band if scales are not positive and rising, or a gain is negative or not finite.
-/// Source  [FS94] smoothing and character as gains on detail, by the operator of `smooth_by_energy`.
-Points equalize(const OutlineCurve& curve, const std::vector<Band>& bands);
+/// Source  [FS94] smoothing and character as gains on detail, by the operator of `smooth`.
+Points equalize(const OutlineCurve& curve, const std::vector<Band>& bands, SmoothBy by = SmoothBy::Energy,
+                Corners corners = Corners::Keep);
 
 }  // namespace fontcore

@@ -8,6 +8,7 @@
 #include "fontcore/crossing.h"
 #include "fontcore/wavelet.h"
 #include "fontcore/outline_curve.h"
+#include "fontcore/arcwise.h"
 #include "fontcore/constraint.h"
 #include "fontcore/solve.h"
 #include "fontcore/edit.h"

@@ -486,21 +486,18 @@ Point OutlineCurve::outline_at(double t) const {
 
 Point OutlineCurve::spline_at(double t) const { return evaluate(Scheme::Chaikin, control_points_, t).transpose(); }
 
-OutlineCurve::Pace OutlineCurve::pace(double t) const {
-  t = into_period(t, size());
-  const Arc& arc = arc_at(t);
-  const double x = t - (arc.first - 0.5);
-  const int k = std::clamp(static_cast<int>(std::floor(x)), 0, arc.size - 1);
-  const double u = x - k;
-  const double before = coefficient(arc, k) - coefficient(arc, k - 1);
-  const double after = coefficient(arc, k + 1) - coefficient(arc, k);
-  return {(1.0 - u) * before + u * after, after - before};
-}
-
 std::vector<OutlineCurve::ArcRange> OutlineCurve::arcs() const {
   std::vector<ArcRange> ranges;
-  for (const Arc& arc : arcs_) ranges.push_back({arc.first, arc.size});
+  for (const Arc& arc : arcs_) ranges.push_back({arc.first, arc.size, arc.segments[0], arc.start, arc.length});
   return ranges;
+}
+
+OutlineCurve::Location OutlineCurve::locate_length(double s) const {
+  s -= std::floor(s / length_) * length_;
+  const auto after =
+      std::upper_bound(arcs_.begin(), arcs_.end(), s, [](double x, const Arc& arc) { return x < arc.start; });
+  const Arc& arc = *(after - 1);
+  return locate_in(arc, std::min(s - arc.start, arc.length));
 }
 
 double OutlineCurve::arc_length(double t0, double t1) const {

@@ -64,19 +64,17 @@ class OutlineCurve {
   Location locate(double t) const;
   Point outline_at(double t) const;
   Point spline_at(double t) const;
-  /// How fast the outline is run through at t: first and second derivative of its arc length by t. Zero speed at
-  /// corners.
-  struct Pace {
-    double speed = 0.0;
-    double change = 0.0;
-  };
-  Pace pace(double t) const;
-  /// The arcs of the outline by their control points: `size` of them from `first` on; one arc if there is no corner.
+  /// An arc of the outline: corner to corner, or the whole contour if it has none.
   struct ArcRange {
-    int first = 0;
-    int size = 0;
+    int first = 0;       ///< of its control points, over t in [first - 1/2, first + size - 1/2]
+    int size = 0;        ///< number of them
+    int segment = 0;     ///< of the outline, that it starts with
+    double start = 0.0;  ///< arc length from the first arc's start
+    double length = 0.0;
   };
   std::vector<ArcRange> arcs() const;
+  /// Segment and its u at an arc length from the first arc's start, modulo the whole length.
+  Location locate_length(double s) const;
   /// Arc length of the outline from t0 forward to t1 > t0.
   double arc_length(double t0, double t1) const;
 

@@ -941,6 +941,22 @@ MultiresCurve pull(Scheme scheme, Index size, int levels, double t, double level
   return change;
 }
 
+Eigen::SparseMatrix<double> mother_matrix(Form form, Scheme scheme, Index size) {
+  if (size < fewest(scheme)) throw InvalidInput(text("mother_matrix: ", size, " control points of ", name_of(scheme)));
+  const Index p = degree(scheme);
+  const Eigen::MatrixXd band = banded_form(form, degree(scheme), is_closed(scheme), size);
+  std::vector<Eigen::Triplet<double>> entries;
+  for (Index i = 0; i < size; ++i) {
+    for (Index s = -p; s <= p; ++s) {
+      if (is_closed(scheme) || (i + s >= 0 && i + s < size))
+        entries.emplace_back(i, wrapped(i + s, size), band(i, p + s));
+    }
+  }
+  Eigen::SparseMatrix<double> matrix(size, size);
+  matrix.setFromTriplets(entries.begin(), entries.end());
+  return matrix;
+}
+
 LevelForm::LevelForm(Form form, Scheme scheme, Index size, int levels) : scheme_(scheme), levels_(levels) {
   if (size < fewest(scheme))
     throw InvalidInput(text("LevelForm: ", size, " control points of scheme ", name_of(scheme)));

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/SparseCore>
 #include <array>
 #include <span>
 #include <vector>
@@ -207,6 +208,11 @@ enum class Form {
   Area,     ///< of f g' - f' g: twice the area x (dy) - y (dx) sweeps, skew
   Energy,   ///< of 2 f'' g'': a refinement multiplies it by 1/8, as the same curve then takes twice the spans
 };
+
+/// The matrix of a form on the control points of one level: [HBS05]'s mother matrix M^n.
+/// Shape   size×size, banded (cyclic if closed).
+/// Throws  InvalidInput if the size is below `fewest`.
+Eigen::SparseMatrix<double> mother_matrix(Form form, Scheme scheme, Eigen::Index size);
 
 /// The matrix M^L (area), H^L (energy) or Gram matrix of all coefficients (c^L, d^L, ..., d^{n-1}) of a curve.
 ///

@@ -95,6 +95,7 @@ Step read_smooth(ObjectReader& reader) {
   SmoothStep step;
   step.scale = reader.take_number("scale");
   if (!(step.scale >= 0.0)) reader.fail("scale", "must not be negative");
+  if (reader.take_choice("by", {"energy", "level"}, "energy") == "level") step.by = fontcore::SmoothBy::Level;
   return step;
 }
 
@@ -213,11 +214,6 @@ Recipe read_recipe(const std::string& json) {
   recipe.on_crossing = crossing == "reduce"   ? OnCrossing::Reduce
                        : crossing == "refuse" ? OnCrossing::Refuse
                                               : OnCrossing::Allow;
-  const bool arcwise = std::any_of(recipe.steps.begin(), recipe.steps.end(),
-                                   [](const Step& step) { return !std::holds_alternative<SweepStep>(step); });
-  if (arcwise && !recipe.keep.corners) {
-    reader.fail("keep.corners", std::string("false with a smooth or equalize step ") + later);
-  }
   if (reader.has("seed")) {
     const Json& seed = reader.take("seed");
     if (!seed.is_number_unsigned()) reader.fail("seed", "must be a whole number from 0");

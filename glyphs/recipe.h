@@ -20,11 +20,13 @@ struct SweepStep {
   double breadth = 0.0;        ///< length of outline that the edit moves, font units
 };
 
-/// Takes away features shorter than a scale, arc by arc; corners and straight arcs stay. [FS94] smoothing, by energy.
+/// Takes away features shorter than a scale. Corners and straight arcs stay; with Keep::corners false, corners are
+/// rounded as far as the outline's own points can follow. [FS94] smoothing.
 struct SmoothStep {
   std::string glyph;           ///< as in SweepStep
   std::optional<int> contour;  ///< which contour; none: every one that has an inside
   double scale = 0.0;          ///< length of the features to go, font units
+  fontcore::SmoothBy by = fontcore::SmoothBy::Energy;
 };
 
 /// Makes features of some sizes stronger or weaker, arc by arc.

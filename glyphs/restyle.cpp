@@ -21,6 +21,9 @@ using fontcore::text;
 using Contours = std::vector<BezierContour>;
 
 constexpr double model_tolerance = 0.25e-3;  // of the em
+constexpr int usual_points = 64;             // of a model, at least
+constexpr int most_points = 1024;            // that a step may ask for
+constexpr double points_per_feature = 8.0;   // of the length of a rounded corner
 constexpr double bisection_width = 0.01;     // of the amount
 constexpr double worth_a_note = 5e-4;        // area error after rounding, relative
 
@@ -138,12 +141,26 @@ class GlyphEditor {
     return best;
   }
 
+  fontcore::Corners corners() const {
+    return recipe_.keep.corners ? fontcore::Corners::Keep : fontcore::Corners::Round;
+  }
+
+  // How many control points a step's displacement needs: a rounded corner is a feature as long as its scale.
+  int fewest_points(const Step& step, const BezierContour& contour) const {
+    const auto* const smooth = std::get_if<SmoothStep>(&step);
+    const auto* const equalize = std::get_if<EqualizeStep>(&step);
+    if (corners() == fontcore::Corners::Keep || (smooth == nullptr && equalize == nullptr)) return usual_points;
+    const double scale = smooth != nullptr ? smooth->scale : equalize->bands.front().scale;
+    const double wanted = points_per_feature * length(contour) / scale;
+    return static_cast<int>(std::clamp<double>(wanted, usual_points, most_points));
+  }
+
   // The model of a contour; of one that no step has touched yet it is made once for all amounts.
-  fontcore::OutlineCurve curve_of(int index, const BezierContour& contour) {
+  fontcore::OutlineCurve curve_of(int index, const BezierContour& contour, int fewest) {
     auto& known = curves_[static_cast<std::size_t>(index)];
-    if (known && contour == known->contour()) return *known;
+    if (known && known->size() >= fewest && contour == known->contour()) return *known;
     try {
-      fontcore::OutlineCurve curve(contour, {.tolerance = model_tolerance * font_.units_per_em});
+      fontcore::OutlineCurve curve(contour, {.tolerance = model_tolerance * font_.units_per_em, .fewest = fewest});
       if (!known) known = curve;
       return curve;
     } catch (const fontcore::InvalidInput& error) {
@@ -169,7 +186,7 @@ class GlyphEditor {
   }
   void wish(const SmoothStep& step, double amount, const fontcore::OutlineCurve& curve, fontcore::StructureEdit& edit,
             StepReport& report) const {
-    const fontcore::Smoothing smoothing = fontcore::smooth_by_energy(curve, step.scale);
+    const fontcore::Smoothing smoothing = fontcore::smooth(curve, step.scale, step.by, corners());
     edit.field = amount * smoothing.field;
     edit.breadth = step.scale;
     report.op = "smooth";
@@ -179,7 +196,7 @@ class GlyphEditor {
 
   void wish(const EqualizeStep& step, double amount, const fontcore::OutlineCurve& curve, fontcore::StructureEdit& edit,
             StepReport& report) const {
-    edit.field = amount * fontcore::equalize(curve, step.bands);
+    edit.field = amount * fontcore::equalize(curve, step.bands, fontcore::SmoothBy::Energy, corners());
     edit.breadth = step.bands.back().scale;
     report.op = "equalize";
   }
@@ -187,7 +204,7 @@ class GlyphEditor {
   StepReport apply(const PlacedStep& placed, double amount, Contours& contours,
                    std::optional<fontcore::OutlineCurve::Location>& handle) {
     BezierContour& contour = contours[static_cast<std::size_t>(placed.contour)];
-    const fontcore::OutlineCurve curve = curve_of(placed.contour, contour);
+    const fontcore::OutlineCurve curve = curve_of(placed.contour, contour, fewest_points(placed.step, contour));
     StepReport report;
     report.contour = placed.contour;
     report.levels = curve.levels();
@@ -203,6 +220,10 @@ class GlyphEditor {
     report.got = fit.got;
     report.against = std::move(fit.against);
     report.off_wish = fit.off_wish;
+    if (corners() == fontcore::Corners::Round && report.op != "sweep" && fit.off_wish > recipe_.tolerance) {
+      report.against.push_back(
+          text("the outline's own points: it ends up to ", fit.off_wish, " units off the rounded one"));
+    }
     contour = std::move(fit.contour);
     // A handle the rules did not hold back must not be lost to rounding.
     if (edit.handle && report.against.empty()) handle = edit.handle;

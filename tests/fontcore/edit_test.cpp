@@ -103,42 +103,62 @@ TEST_CASE("a breadth that is not positive is refused", "[edit]") {
   CHECK_THROWS_AS(sweep(specimen(), 1.0, Point(1, 0), std::numeric_limits<double>::quiet_NaN()), InvalidInput);
 }
 
-TEST_CASE("smoothing by energy grows in distance and falls in energy on every arc, over all scales", "[edit]") {
+TEST_CASE("smoothing goes further with the scale and leaves less detail on every arc, either way", "[edit]") {
   std::vector<BezierContour> contours = shapes::letter_a();
   contours.push_back(shapes::circle(400));
   contours.push_back(shapes::arch(500));
   for (const BezierContour& contour : contours) {
     const OutlineCurve curve(contour, {.tolerance = 0.5});
-    Smoothing before = smooth_by_energy(curve, 0.0);
-    CHECK(before.field.isZero(0.0));
-    CHECK(before.energy_after == before.energy_before);
-    for (double scale = 4.0; scale < 8000.0; scale *= 1.46) {
-      const Smoothing now = smooth_by_energy(curve, scale);
-      for (std::size_t arc = 0; arc < now.distance.size(); ++arc) {
-        CHECK(now.distance[arc] >= before.distance[arc] * (1.0 - 1e-9));
-        CHECK(now.energy_after[arc] <= before.energy_after[arc] * (1.0 + 1e-9) + 1e-12);
+    for (const Corners corners : {Corners::Keep, Corners::Round}) {
+      for (const SmoothBy by : {SmoothBy::Energy, SmoothBy::Level}) {
+        Smoothing before = smooth(curve, 0.0, by, corners);
+        CHECK(before.field.isZero(0.0));
+        CHECK(before.energy_after == before.energy_before);
+        for (double scale = 4.0; scale < 8000.0; scale *= 1.46) {
+          const Smoothing now = smooth(curve, scale, by, corners);
+          for (std::size_t arc = 0; arc < now.distance.size(); ++arc) {
+            CHECK(now.distance[arc] >= before.distance[arc] * (1.0 - 1e-9));
+            CHECK(now.detail[arc] <= before.detail[arc] * (1.0 + 1e-9) + 1e-9);
+            if (by == SmoothBy::Energy) CHECK(now.energy_after[arc] <= before.energy_after[arc] * (1.0 + 1e-9) + 1e-12);
+          }
+          before = now;
+        }
       }
-      before = now;
     }
   }
 }
 
 TEST_CASE("smoothing is continuous in the scale", "[edit]") {
-  for (double scale = 10.0; scale < 3000.0; scale *= 2.1) {
-    CHECK(shapes::largest_distance(smooth_by_energy(specimen(), scale).field,
-                                   smooth_by_energy(specimen(), scale + 1e-6).field) < 1e-3);
+  for (const Corners corners : {Corners::Keep, Corners::Round}) {
+    for (const SmoothBy by : {SmoothBy::Energy, SmoothBy::Level}) {
+      for (double scale = 10.0; scale < 3000.0; scale *= 2.1) {
+        CHECK(shapes::largest_distance(smooth(specimen(), scale, by, corners).field,
+                                       smooth(specimen(), scale + 1e-6, by, corners).field) < 1e-3);
+      }
+    }
   }
 }
 
-TEST_CASE("smoothing leaves corners and straight arcs where they are", "[edit]") {
-  const Smoothing a = smooth_by_energy(specimen(), 300.0);
-  CHECK_FALSE(a.field.isZero(0.1));
-  for (const int i : specimen().corner_pairs()) {
-    CHECK(a.field.row(i).isZero(0.0));
-    CHECK(a.field.row((i + 1) % specimen().size()).isZero(0.0));
-  }
+TEST_CASE("smoothing leaves corners and straight arcs where they are, unless corners are to be rounded", "[edit]") {
   const OutlineCurve square(shapes::square(600), {.tolerance = 0.5});
-  CHECK(smooth_by_energy(square, 500.0).field.isZero(0.0));
+  for (const SmoothBy by : {SmoothBy::Energy, SmoothBy::Level}) {
+    const Smoothing a = smooth(specimen(), 300.0, by);
+    CHECK_FALSE(a.field.isZero(0.1));
+    for (const int i : specimen().corner_pairs()) {
+      CHECK(a.field.row(i).isZero(0.0));
+      CHECK(a.field.row((i + 1) % specimen().size()).isZero(0.0));
+    }
+    CHECK(smooth(square, 500.0, by).field.isZero(0.0));
+
+    // Rounded, a corner moves towards the inside, the middle of a side hardly.
+    const Points rounded = smooth(square, 200.0, by, Corners::Round).field;
+    for (const int i : square.corner_pairs()) {
+      const Eigen::RowVector2d corner = square.control_points().row(i) - Eigen::RowVector2d(300, 300);
+      CHECK(rounded.row(i).dot(corner) < -0.03 * 200.0 * corner.norm());
+    }
+    const double t = square.parameter(0, 0.5);
+    CHECK(evaluate(Scheme::Chaikin, rounded, t).norm() < 2.0);
+  }
 }
 
 namespace {
@@ -172,13 +192,13 @@ double ripple_height(const Points& field) {
 
 TEST_CASE("a smoothed wave loses what is shorter than the scale and keeps what is longer", "[edit]") {
   // Each wave of length l is divided by 1 + (scale / l)^4.
-  const auto ripple = [](double scale) { return ripple_height(smooth_by_energy(rippled(), scale).field); };
+  const auto ripple = [](double scale) { return ripple_height(smooth(rippled(), scale).field); };
   const double whole = ripple(0.0);
   CHECK(ripple(20.0) == Approx(whole / (1.0 + std::pow(20.0 / 79.0, 4))).epsilon(0.03));
   CHECK(ripple(79.0) == Approx(whole / 2.0).epsilon(0.12));
   CHECK(ripple(400.0) < 0.01 * whole);
-  CHECK_THROWS_AS(smooth_by_energy(rippled(), -1.0), InvalidInput);
-  CHECK_THROWS_AS(smooth_by_energy(rippled(), std::numeric_limits<double>::infinity()), InvalidInput);
+  CHECK_THROWS_AS(smooth(rippled(), -1.0), InvalidInput);
+  CHECK_THROWS_AS(smooth(rippled(), std::numeric_limits<double>::infinity()), InvalidInput);
 }
 
 TEST_CASE("an equaliser's gain acts on features of its scale and leaves others", "[edit]") {

@@ -84,8 +84,9 @@ TEST_CASE("unknown and repeated keys, wrong types and what cannot be honoured ar
   CHECK(refusal(with_step(step + R"(, "contour": -1)")) == "r.json: steps[0].contour: must be a whole number from 0");
   CHECK(refusal(R"({"steps": [{"op": "smooth", "scale": 60, "glyph": "a"}]})").empty());
   CHECK(refusal(R"({"steps": [{"op": "smooth", "scale": -1}]})") == "r.json: steps[0].scale: must not be negative");
-  CHECK(refusal(R"({"steps": [{"op": "smooth", "scale": 6}], "keep": {"corners": false}})") ==
-        "r.json: keep.corners: false with a smooth or equalize step is not in this version of glyphwave");
+  CHECK(refusal(R"({"steps": [{"op": "smooth", "scale": 6, "by": "level"}], "keep": {"corners": false}})").empty());
+  CHECK(refusal(R"({"steps": [{"op": "smooth", "scale": 6, "by": "eye"}]})") ==
+        "r.json: steps[0].by: \"eye\" is not one of \"energy\", \"level\"");
   const auto equalize = [](const std::string& bands) {
     return refusal(R"({"steps": [{"op": "equalize", "bands": )" + bands + "}]}");
   };

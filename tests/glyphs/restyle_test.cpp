@@ -241,26 +241,50 @@ TEST_CASE("letters are smoothed with corners, area and structure kept, and a sca
     const Font font = load_font(path);
     Recipe recipe;
     recipe.glyphs = "U+0061-007A";
-    recipe.steps = {SmoothStep{.scale = 0.0}};
-    CHECK(restyle(font, recipe).font.data == *font.data);
+    for (const auto by : {fontcore::SmoothBy::Energy, fontcore::SmoothBy::Level}) {
+      recipe.steps = {SmoothStep{.scale = 0.0, .by = by}};
+      CHECK(restyle(font, recipe).font.data == *font.data);
+    }
     recipe.steps = {EqualizeStep{.bands = {{40.0, 1.0}, {80.0, 1.0}}}};
     CHECK(restyle(font, recipe).font.data == *font.data);
     recipe.steps = {EqualizeStep{.bands = {{200.0, 1.8}, {400.0, 1.4}}}};
     const RestyleResult sharpened = restyle(font, recipe);
     CHECK(sharpened.refused() <= 2);  // i and j may be composites
     CHECK(sharpened.changed() > 10);
-    for (const double scale : {60.0, 250.0}) {
-      recipe.steps = {SmoothStep{.scale = scale}};
+    for (const SmoothStep& step : {SmoothStep{.scale = 60.0}, SmoothStep{.scale = 250.0},
+                                   SmoothStep{.scale = 600.0, .by = fontcore::SmoothBy::Level}}) {
+      recipe.steps = {step};
       for (const char letter : std::string("aegnosy")) {
         const Glyph& glyph = font.glyphs[static_cast<std::size_t>(font.find(std::string(1, letter)))];
         const GlyphResult result = restyle_glyph(font, glyph.id, recipe);
-        INFO(path << " " << glyph.name << " at " << scale);
+        INFO(path << " " << glyph.name << " at " << step.scale);
         CHECK(result.report.refused.empty());
         CHECK(result.report.steps.size() == glyph.contours.size());
         CHECK(std::abs(result.report.area_unrounded / result.report.area_before - 1.0) < 1e-9);
         CHECK(std::abs(result.report.area_after / result.report.area_before - 1.0) < 5e-4);
-        for (const StepReport& step : result.report.steps) CHECK(step.energy_after <= step.energy_before);
+        if (step.by == fontcore::SmoothBy::Level) continue;  // which knows nothing of energy
+        for (const StepReport& done : result.report.steps) CHECK(done.energy_after <= done.energy_before);
       }
+    }
+  }
+}
+
+TEST_CASE("corners are rounded as far as the outline's own points can follow, and the report says how far",
+          "[restyle]") {
+  const Font font = load_font(bundled_ttf[1]);
+  Recipe recipe;
+  recipe.keep.corners = recipe.keep.lines = false;
+  for (const auto by : {fontcore::SmoothBy::Energy, fontcore::SmoothBy::Level}) {
+    recipe.steps = {SmoothStep{.scale = 300.0, .by = by}};
+    for (const char letter : std::string("agnst")) {
+      const Glyph& glyph = font.glyphs[static_cast<std::size_t>(font.find(std::string(1, letter)))];
+      const GlyphResult result = restyle_glyph(font, glyph.id, recipe);
+      INFO(glyph.name);
+      CHECK(result.report.refused.empty());
+      CHECK(result.report.changed);
+      CHECK(std::abs(result.report.area_unrounded / result.report.area_before - 1.0) < 1e-9);
+      CHECK(result.report.segments_after == result.report.segments_before);
+      CHECK(result.report.steps[0].against.at(0).starts_with("the outline's own points: it ends up to "));
     }
   }
 }

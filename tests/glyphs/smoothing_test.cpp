@@ -13,21 +13,26 @@ TEST_CASE("over 21 scales smoothing goes further and gets smoother on every arc 
     for (char32_t letter = U'a'; letter <= U'z'; ++letter) {
       for (const auto& contour : compose(font, font.character_map.at(letter))) {
         const fontcore::OutlineCurve curve(contour, {.tolerance = 0.25e-3 * font.units_per_em});
-        fontcore::Smoothing before = smooth_by_energy(curve, 0.0);
-        REQUIRE(before.field.isZero(0.0));
-        for (int k = 0; k < 21; ++k) {
-          const fontcore::Smoothing now = smooth_by_energy(curve, 2e-3 * font.units_per_em * std::pow(1.4, k));
-          for (std::size_t arc = 0; arc < now.distance.size(); ++arc) {
-            INFO(path << " " << static_cast<char>(letter) << " arc " << arc);
-            REQUIRE(now.distance[arc] >= before.distance[arc] * (1.0 - 1e-9));
-            REQUIRE(now.energy_after[arc] <= before.energy_after[arc] * (1.0 + 1e-9) + 1e-15);
-            ++arcs;
+        for (const auto by : {fontcore::SmoothBy::Energy, fontcore::SmoothBy::Level}) {
+          fontcore::Smoothing before = smooth(curve, 0.0, by);
+          REQUIRE(before.field.isZero(0.0));
+          for (int k = 0; k < 21; ++k) {
+            const fontcore::Smoothing now = smooth(curve, 2e-3 * font.units_per_em * std::pow(1.4, k), by);
+            for (std::size_t arc = 0; arc < now.distance.size(); ++arc) {
+              INFO(path << " " << static_cast<char>(letter) << " arc " << arc);
+              CHECK(now.distance[arc] >= before.distance[arc] * (1.0 - 1e-9));
+              CHECK(now.detail[arc] <= before.detail[arc] * (1.0 + 1e-9) + 1e-9);
+              if (by == fontcore::SmoothBy::Energy) {
+                REQUIRE(now.energy_after[arc] <= before.energy_after[arc] * (1.0 + 1e-9) + 1e-15);
+              }
+              ++arcs;
+            }
+            for (const int i : curve.corner_pairs()) {
+              REQUIRE(now.field.row(i).isZero(0.0));
+              REQUIRE(now.field.row((i + 1) % curve.size()).isZero(0.0));
+            }
+            before = now;
           }
-          for (const int i : curve.corner_pairs()) {
-            REQUIRE(now.field.row(i).isZero(0.0));
-            REQUIRE(now.field.row((i + 1) % curve.size()).isZero(0.0));
-          }
-          before = now;
         }
       }
     }

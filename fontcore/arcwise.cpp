@@ -1,0 +1,400 @@
+#include "fontcore/arcwise.h"
+
+#include <Eigen/SparseCholesky>
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "fontcore/error.h"
+
+namespace fontcore {
+
+namespace {
+
+using Eigen::Index;
+
+constexpr int most_levels_beyond = 30;  // of the base: indices stay far from overflow
+
+Index floor_half(Index i) { return i >= 0 ? i / 2 : -((1 - i) / 2); }
+Index modulo(Index i, Index n) { return ((i % n) + n) % n; }
+
+// Fine rows first .. last of a wavelet, not taken modulo anything.
+struct Reach {
+  Index first;
+  Index last;
+};
+Reach reach_of_wavelet(Scheme scheme, Index size, Index k) {
+  if (!is_closed(scheme)) {
+    const FilterColumn column = wavelet_column(scheme, size, k);
+    return {column.first, column.first + std::ssize(column.values) - 1};
+  }
+  const Index ahead = scheme == Scheme::Chaikin ? 2 : 4;
+  return {2 * k - ahead, 2 * k + ahead - 1};
+}
+
+}  // namespace
+
+SparseCurve::SparseCurve(MultiresCurve base) : base_(std::move(base)), points_(reconstruct(base_)) {}
+
+Index SparseCurve::size(int level) const {
+  if (level < base_.levels() || level > base_.levels() + most_levels_beyond) {
+    throw InvalidInput(text("SparseCurve: level ", level, " is not from ", base_.levels(), " to ",
+                            base_.levels() + most_levels_beyond));
+  }
+  const Index spans = detail_count(scheme(), points_.rows());
+  return points_.rows() + (spans << (level - base_.levels())) - spans;
+}
+
+void SparseCurve::refine(double from, double to, int level) {
+  const double spans = static_cast<double>(detail_count(scheme(), points_.rows()));
+  const bool closed = is_closed(scheme());
+  if (!(to > from) || !(to - from <= spans) || (!closed && (from < 0.0 || to > spans))) {
+    throw InvalidInput(text("SparseCurve::refine: no stretch from ", from, " to ", to, " in ", spans, " spans"));
+  }
+  const int bottom = base_.levels();
+  if (level <= bottom) throw InvalidInput(text("SparseCurve::refine: level ", level, " is not above ", bottom));
+  size(level);
+  if (closed) {
+    const double turns = std::floor(from / spans) * spans;
+    from -= turns;
+    to -= turns;
+  }
+  // Wavelets lie wholly in the stretch: indices first .. last of a level, over 0 for closed curves.
+  const auto within = [&](int at) -> Reach {
+    const Index details = detail_count(scheme(), size(at));
+    const int p = degree(scheme());
+    const double low = finer_parameter(scheme(), from, at + 1 - bottom);
+    const double high = finer_parameter(scheme(), to, at + 1 - bottom);
+    const auto lies_within = [&](Index k) {
+      if (!closed && (k < 0 || k >= details)) return false;
+      const auto [first, last] = reach_of_wavelet(scheme(), size(at), k);
+      // A function of a fine closed level reaches 3/2 spans to either side, one of an open arc from knot to knot.
+      const double begin =
+          closed ? static_cast<double>(first) - 1.5 : static_cast<double>(std::max<Index>(0, first - p));
+      const double end =
+          closed ? static_cast<double>(last) + 1.5 : static_cast<double>(std::min<Index>(last + 1, 2 * details));
+      return begin >= low && end <= high;
+    };
+    auto first = static_cast<Index>(std::floor(0.5 * low)) - p;
+    const auto end = static_cast<Index>(std::ceil(0.5 * high)) + p;
+    while (first < end && !lies_within(first)) ++first;
+    Index last = first;
+    while (last < end && lies_within(last)) ++last;
+    return {first, std::min(last - 1, first + details - 1)};
+  };
+  if (const Reach finest = within(level - 1); finest.last < finest.first) {
+    throw InvalidInput(
+        text("SparseCurve::refine: no wavelet of level ", level - 1, " lies between ", from, " and ", to));
+  }
+  finer_.resize(std::max(finer_.size(), static_cast<std::size_t>(level - bottom)));
+  for (int at = bottom; at < level; ++at) {
+    const Index details = detail_count(scheme(), size(at));
+    std::vector<Run>& runs = finer_[static_cast<std::size_t>(at - bottom)];
+    const auto add = [&](Index first, Index last) {  // the union with the runs it meets or touches
+      const auto begin = std::find_if(runs.begin(), runs.end(),
+                                      [&](const Run& run) { return run.first + run.details.rows() >= first; });
+      const auto end = std::find_if(begin, runs.end(), [&](const Run& run) { return run.first > last + 1; });
+      if (begin != end) {
+        first = std::min(first, begin->first);
+        last = std::max(last, (end - 1)->first + (end - 1)->details.rows() - 1);
+      }
+      Run merged{first, Coefficients::Zero(last - first + 1, points_.cols())};
+      for (auto run = begin; run != end; ++run) {
+        merged.details.middleRows(run->first - first, run->details.rows()) = run->details;
+      }
+      runs.insert(runs.erase(begin, end), std::move(merged));
+    };
+    const auto [first, last] = within(at);
+    if (last < first) continue;
+    const Index start = modulo(first, details);
+    const Index stop = start + last - first;
+    add(start, std::min(stop, details - 1));
+    if (stop >= details) add(0, stop - details);
+  }
+}
+
+const std::vector<SparseCurve::Run>& SparseCurve::runs(int level) const {
+  size(level);
+  static const std::vector<Run> none;
+  return level < levels() ? finer_[static_cast<std::size_t>(level - base_.levels())] : none;
+}
+
+const SparseCurve::Run* SparseCurve::run_of(int level, Index index) const {
+  const std::vector<Run>& all = runs(level);
+  const auto after =
+      std::upper_bound(all.begin(), all.end(), index, [](Index i, const Run& run) { return i < run.first; });
+  if (after == all.begin() || index >= (after - 1)->first + (after - 1)->details.rows()) return nullptr;
+  return &*(after - 1);
+}
+
+void SparseCurve::set_detail(int level, Index index, const Eigen::RowVectorXd& value) {
+  const Run* const run = run_of(level, index);
+  if (run == nullptr || value.size() != points_.cols() || !value.allFinite()) {
+    throw InvalidInput(text("SparseCurve::set_detail: detail ", index, " of level ", level,
+                            run == nullptr ? " is not stored" : " of wrong width or not finite"));
+  }
+  const auto which = static_cast<std::size_t>(run - runs(level).data());
+  finer_[static_cast<std::size_t>(level - base_.levels())][which].details.row(index - run->first) = value;
+}
+
+Eigen::RowVectorXd SparseCurve::detail(int level, Index index) const {
+  const Run* const run = run_of(level, index);
+  if (run == nullptr) return Eigen::RowVectorXd::Zero(points_.cols());
+  return run->details.row(index - run->first);
+}
+
+void SparseCurve::pull(double t, int level, const Eigen::RowVectorXd& move) {
+  const Index coarse = size(level);
+  const Index details = detail_count(scheme(), coarse);
+  const BasisRow row = basis_row(scheme(), size(level + 1), finer_parameter(scheme(), t, level + 1 - base_.levels()));
+  // What a wavelet is at t: its column times the basis there.
+  std::vector<std::pair<Index, double>> weights;
+  double square = 0.0;
+  const Index middle = floor_half(row.index[0]);
+  for (Index k = middle - 2 * degree(scheme()); k <= middle + 2 * degree(scheme()); ++k) {
+    const Index index = is_closed(scheme()) ? modulo(k, details) : k;
+    if (index < 0 || index >= details || run_of(level, index) == nullptr) continue;
+    const bool seen = std::any_of(weights.begin(), weights.end(), [&](const auto& one) { return one.first == index; });
+    if (seen) continue;
+    const FilterColumn column = wavelet_column(scheme(), coarse, index);
+    double weight = 0.0;
+    for (std::size_t i = 0; i < static_cast<std::size_t>(row.count); ++i) {
+      const Index r =
+          is_closed(scheme()) ? modulo(row.index[i] - column.first, 2 * coarse) : row.index[i] - column.first;
+      if (r >= 0 && r < std::ssize(column.values)) weight += row.weight[i] * column.values[static_cast<std::size_t>(r)];
+    }
+    if (weight == 0.0) continue;
+    weights.emplace_back(index, weight);
+    square += weight * weight;
+  }
+  if (square == 0.0) throw InvalidInput(text("SparseCurve::pull: no stored wavelet of level ", level, " reaches ", t));
+  for (const auto& [index, weight] : weights) set_detail(level, index, detail(level, index) + weight / square * move);
+}
+
+Coefficients SparseCurve::control_points(int level, Index first, Index count) const {
+  const bool closed = is_closed(scheme());
+  const Index n = size(level);
+  if (count < 0 || (!closed && (first < 0 || first + count > n))) {
+    throw InvalidInput(text("SparseCurve::control_points: ", first, " to ", first + count - 1, " of ", n));
+  }
+  if (level == base_.levels()) {
+    Coefficients window(count, points_.cols());
+    for (Index i = 0; i < count; ++i) window.row(i) = points_.row(modulo(first + i, n));
+    return window;
+  }
+  // Coarse control points and wavelets that reach the window; closed ones by indices that are not taken modulo.
+  const Index last = first + count - 1;
+  const Index coarse_size = size(level - 1);
+  const Index details = detail_count(scheme(), coarse_size);
+  const int p = degree(scheme());
+  Index from = floor_half(first);
+  Index to = floor_half(last + p);
+  if (!closed) {
+    from = std::max<Index>(0, from);
+    to = std::min({to, last, coarse_size - 1});
+  }
+  const Coefficients coarse = control_points(level - 1, from, to - from + 1);
+  Coefficients window = Coefficients::Zero(count, points_.cols());
+  // Where a column that was taken modulo starts, seen from about row 2j.
+  const auto add = [&](const FilterColumn& column, Index about, const Eigen::RowVectorXd& value) {
+    Index row = column.first;
+    if (closed)
+      row += 2 * coarse_size *
+             static_cast<Index>(std::lround(static_cast<double>(about - row) / static_cast<double>(2 * coarse_size)));
+    for (const double weight : column.values) {
+      if (row >= first && row <= last) window.row(row - first) += weight * value;
+      ++row;
+    }
+  };
+  for (Index j = from; j <= to; ++j) {
+    add(scaling_column(scheme(), coarse_size, closed ? modulo(j, coarse_size) : j), 2 * j, coarse.row(j - from));
+  }
+  for (Index k = floor_half(first) - 2 * p; k <= floor_half(last) + 2 * p; ++k) {
+    const Index index = closed ? modulo(k, details) : k;
+    const Run* const run = run_of(level - 1, index);
+    if (run != nullptr) add(wavelet_column(scheme(), coarse_size, index), 2 * k, run->details.row(index - run->first));
+  }
+  return window;
+}
+
+Eigen::RowVectorXd SparseCurve::evaluate(double t) const {
+  const BasisRow row = basis_row(scheme(), size(levels()), finer_parameter(scheme(), t, levels() - base_.levels()));
+  const Coefficients points = control_points(levels(), row.index[0], row.count);
+  Eigen::RowVectorXd value = Eigen::RowVectorXd::Zero(points.cols());
+  for (int k = 0; k < row.count; ++k) value += row.weight[static_cast<std::size_t>(k)] * points.row(k);
+  return value;
+}
+
+void SparseCurve::prune(double tolerance) {
+  for (std::vector<Run>& runs : finer_) {
+    std::vector<Run> kept;
+    for (const Run& run : runs) {
+      Index start = 0;
+      for (Index i = 0; i <= run.details.rows(); ++i) {
+        if (i < run.details.rows() && run.details.row(i).norm() > tolerance) continue;
+        if (i > start) kept.push_back({run.first + start, run.details.middleRows(start, i - start)});
+        start = i + 1;
+      }
+    }
+    runs = std::move(kept);
+  }
+  while (!finer_.empty() && finer_.back().empty()) finer_.pop_back();
+}
+
+Index SparseCurve::stored() const {
+  Index rows = points_.rows();  // as many as the base has coefficients
+  for (const std::vector<Run>& runs : finer_) {
+    for (const Run& run : runs) rows += run.details.rows();
+  }
+  return rows;
+}
+
+MultiresCurve SparseCurve::dense() const {
+  MultiresCurve curve = base_;
+  for (int level = base_.levels(); level < levels(); ++level) {
+    curve.details.emplace_back(Coefficients::Zero(detail_count(scheme(), size(level)), points_.cols()));
+    for (const Run& run : runs(level)) curve.details.back().middleRows(run.first, run.details.rows()) = run.details;
+  }
+  return curve;
+}
+
+namespace {
+
+// Gauss-Legendre nodes and weights on [0, 1].
+constexpr std::array<double, 3> gauss_node = {0.11270166537925831, 0.5, 0.88729833462074169};
+constexpr std::array<double, 3> gauss_weight = {5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0};
+
+struct ArcFit {
+  Coefficients points;
+  double distance = 0.0;
+};
+
+// Least squares over arc length by `spans` spans; an open arc has its ends on the outline.
+ArcFit fit_arc(const OutlineCurve& outline, double start, double length, Scheme scheme, Index spans,
+               const std::array<Point, 2>& ends) {
+  const bool closed = is_closed(scheme);
+  const Index size = closed ? spans : spans + degree(scheme);
+  const double span = length / static_cast<double>(spans);
+  const auto at = [&](double u) -> Point {
+    const auto [segment, local] = outline.locate_length(start + u * span);
+    return evaluate(outline.contour().segment(segment), local);
+  };
+  ArcFit fit{Coefficients::Zero(size, 2), 0.0};
+  if (!closed) {
+    fit.points.row(0) = ends[0].transpose();
+    fit.points.row(size - 1) = ends[1].transpose();
+  }
+  const auto column = [&](Index i) { return closed ? i : i == 0 || i == size - 1 ? Index{-1} : i - 1; };
+  std::vector<Eigen::Triplet<double>> entries;
+  const Index unknowns = closed ? size : size - 2;
+  Coefficients right = Coefficients::Zero(unknowns, 2);
+  for (Index e = 0; e < spans; ++e) {
+    for (std::size_t g = 0; g < gauss_node.size(); ++g) {
+      const double u = static_cast<double>(e) + gauss_node[g];
+      const BasisRow row = basis_row(scheme, size, closed ? u - 0.5 : u);
+      Eigen::RowVector2d rest = at(u).transpose();
+      for (std::size_t a = 0; a < static_cast<std::size_t>(row.count); ++a) {
+        if (column(row.index[a]) < 0) rest -= row.weight[a] * fit.points.row(row.index[a]);
+      }
+      for (std::size_t a = 0; a < static_cast<std::size_t>(row.count); ++a) {
+        const Index i = column(row.index[a]);
+        if (i < 0) continue;
+        right.row(i) += gauss_weight[g] * row.weight[a] * rest;
+        for (std::size_t b = 0; b < static_cast<std::size_t>(row.count); ++b) {
+          const Index j = column(row.index[b]);
+          if (j >= 0 && j <= i) entries.emplace_back(i, j, gauss_weight[g] * row.weight[a] * row.weight[b]);
+        }
+      }
+    }
+  }
+  Eigen::SparseMatrix<double> system(unknowns, unknowns);
+  system.setFromTriplets(entries.begin(), entries.end());
+  const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>, Eigen::Lower> factor(system);
+  fit.points.middleRows(closed ? 0 : 1, unknowns) = factor.solve(right);
+  constexpr int samples = 4;  // a span
+  for (Index k = 0; k <= samples * spans; ++k) {
+    const double u = static_cast<double>(k) / samples;
+    const Point there = evaluate(scheme, fit.points, closed ? u - 0.5 : u).transpose();
+    fit.distance = std::max(fit.distance, (there - at(u)).norm());
+  }
+  return fit;
+}
+
+}  // namespace
+
+double ArcwiseCurve::Arc::span_length() const {
+  return length / static_cast<double>(detail_count(curve.scheme(), curve.size(curve.base().levels())));
+}
+
+double ArcwiseCurve::Arc::level_of_scale(double scale) const {
+  const MultiresCurve& base = curve.base();
+  const auto fewest_spans = static_cast<double>(detail_count(base.scheme, base.coarse.rows()));
+  const double level = std::log2(2.0 * length / (scale * fewest_spans));
+  return std::clamp(level, 0.0, static_cast<double>(base.levels()));
+}
+
+ArcwiseCurve::ArcwiseCurve(const OutlineCurve& outline, const ArcwiseOptions& options) : length_(outline.length()) {
+  if (!(options.tolerance > 0.0) || is_closed(options.open) || !is_closed(options.closed)) {
+    throw InvalidInput(text("ArcwiseCurve: tolerance ", options.tolerance, ", or a scheme of the wrong kind"));
+  }
+  const auto add = [&](double start, double length, Scheme scheme, const std::array<Point, 2>& ends) {
+    Index spans = is_closed(scheme) ? 4 : 1;
+    int levels = 0;
+    ArcFit fit = fit_arc(outline, start, length, scheme, spans, ends);
+    while (fit.distance > options.tolerance && 2 * spans <= options.most_spans) {
+      spans *= 2;
+      ++levels;
+      fit = fit_arc(outline, start, length, scheme, spans, ends);
+    }
+    arcs_.push_back({SparseCurve(decompose(scheme, fit.points, levels)), start, length, fit.distance});
+  };
+  if (outline.corner_pairs().empty() || options.corners == Corners::Round) {
+    add(0.0, length_, options.closed, {Point::Zero(), Point::Zero()});  // it has no ends
+    return;
+  }
+  const BezierContour& contour = outline.contour();
+  const auto arcs = outline.arcs();
+  for (std::size_t k = 0; k < arcs.size(); ++k) {
+    const int next = arcs[(k + 1) % arcs.size()].segment;
+    add(arcs[k].start, arcs[k].length, options.open,
+        {contour.point(contour.node(arcs[k].segment)), contour.point(contour.node(next))});
+  }
+}
+
+int ArcwiseCurve::arc_at(double s) const {
+  s -= std::floor(s / length_) * length_;
+  const auto after =
+      std::upper_bound(arcs_.begin(), arcs_.end(), s, [](double x, const Arc& arc) { return x < arc.start; });
+  return static_cast<int>(std::max<std::ptrdiff_t>(0, after - arcs_.begin() - 1));
+}
+
+Point ArcwiseCurve::evaluate(double s) const {
+  s -= std::floor(s / length_) * length_;
+  const Arc& arc = arcs_[static_cast<std::size_t>(arc_at(s))];
+  return arc.curve.evaluate(arc.parameter(s)).transpose();
+}
+
+Points ArcwiseCurve::to_polyline(double scale, double step) const {
+  if (!(step > 0.0) || !(scale >= 0.0)) {
+    throw InvalidInput(text("ArcwiseCurve::to_polyline: scale ", scale, ", step ", step));
+  }
+  std::vector<Point> points;
+  for (const Arc& arc : arcs_) {
+    const Coefficients control = arc.at_level(arc.level_of_scale(scale));
+    const auto spans = static_cast<double>(detail_count(arc.curve.scheme(), control.rows()));
+    const int count = std::max(2, static_cast<int>(std::ceil(arc.length / step)));
+    for (int k = 0; k < count; ++k) {
+      points.emplace_back(fontcore::evaluate(arc.curve.scheme(), control, arc.parameter_at(spans * k / count)));
+    }
+  }
+  Points polyline(static_cast<Index>(points.size()), 2);
+  for (std::size_t i = 0; i < points.size(); ++i) polyline.row(static_cast<Index>(i)) = points[i].transpose();
+  return polyline;
+}
+
+void ArcwiseCurve::refine(int arc, double from, double to, int more) {
+  Arc& at = this->arc(arc);
+  at.curve.refine(at.parameter(from), at.parameter(to), at.curve.base().levels() + more);
+}
+
+}  // namespace fontcore

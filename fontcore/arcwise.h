@@ -1,0 +1,135 @@
+#pragma once
+
+#include <vector>
+
+#include "fontcore/outline_curve.h"
+#include "fontcore/wavelet.h"
+
+namespace fontcore {
+
+/// A multiresolution curve that goes on to finer levels in some stretches only.
+///
+/// Up to the levels of its base it is an ordinary curve. Beyond, only details of the stretches that were refined are
+/// stored; all others are 0. Memory and work grow with the stretches, not with the curve.
+///
+/// Units   t is the parameter of the base's finest level, as for `basis_row`; a closed curve's stretch may run over 0.
+/// Source  [FS94] future work: a sparse representation, a pruned tree of wavelet coefficients.
+class SparseCurve {
+ public:
+  explicit SparseCurve(MultiresCurve base);
+
+  const MultiresCurve& base() const { return base_; }
+  Scheme scheme() const { return base_.scheme; }
+  /// The finest level anywhere; details lead to it from the level below.
+  int levels() const { return base_.levels() + static_cast<int>(finer_.size()); }
+  /// Control points that the whole curve would have at a level from `base().levels()` on.
+  Eigen::Index size(int level) const;
+
+  /// Lets details up to `level` exist between two parameters: those whose wavelets lie wholly in between.
+  ///
+  /// The curve stays as it is. What is set later changes it nowhere else.
+  ///
+  /// Throws  InvalidInput if the stretch is empty, leaves an open arc, is longer than the curve, or is too short for
+  /// any
+  ///         wavelet of that level; or if the level is not above the base's.
+  void refine(double from, double to, int level);
+
+  /// Neighbouring details that are stored: wavelets first .. first + rows - 1.
+  struct Run {
+    Eigen::Index first = 0;
+    Coefficients details;
+  };
+  /// Those that lead from `level` to level + 1, by rising index; level from `base().levels()` on.
+  const std::vector<Run>& runs(int level) const;
+  /// Throws  InvalidInput if the detail is not stored, its width differs or it is not finite.
+  void set_detail(int level, Eigen::Index index, const Eigen::RowVectorXd& value);
+  /// Zero where nothing is stored.
+  Eigen::RowVectorXd detail(int level, Eigen::Index index) const;
+
+  /// Moves the curve's point at t by `move` with stored details of one level alone: least squares over their wavelets.
+  /// Throws  InvalidInput if no stored wavelet of that level reaches t.
+  void pull(double t, int level, const Eigen::RowVectorXd& move);
+
+  /// Control points first .. first + count - 1 of a level from `base().levels()` on; closed: indices modulo its size.
+  Coefficients control_points(int level, Eigen::Index first, Eigen::Index count) const;
+  /// The point at t with all details.
+  Eigen::RowVectorXd evaluate(double t) const;
+
+  /// Forgets stored details no longer than `tolerance`.
+  void prune(double tolerance);
+  /// Rows of numbers held: control points of the base, its details and those of the stretches.
+  Eigen::Index stored() const;
+  /// The same curve with every detail written out.
+  MultiresCurve dense() const;
+
+ private:
+  const Run* run_of(int level, Eigen::Index index) const;
+
+  MultiresCurve base_;
+  Coefficients points_;                  // of the base's finest level
+  std::vector<std::vector<Run>> finer_;  // per level beyond the base
+};
+
+/// Whether corners cut an outline into arcs that are curves of their own, or the whole contour is one curve across
+/// them.
+enum class Corners { Keep, Round };
+
+struct ArcwiseOptions {
+  double tolerance = 0.25;  ///< distance allowed between outline and arcs at equal arc length, font units
+  Corners corners = Corners::Keep;
+  Scheme open = Scheme::HeldCubic;     ///< of arcs between corners
+  Scheme closed = Scheme::Orthogonal;  ///< of contours without corners
+  int most_spans = 2048;               ///< of an arc; one that needs more stays at its last distance
+};
+
+/// An outline as its arcs from corner to corner, each a multiresolution curve of its own over arc length.
+///
+/// With held schemes corners are in place at every level. An arc has as many levels as it needs and not more: a stem is
+/// one span while a bowl has many, and when arcs are coarsened together one that is down to its fewest points stops.
+/// Every arc can be refined in a stretch of its own.
+///
+/// Units   font units; s in arc length of the outline from the start of its first arc.
+/// Exact   the arcs are least squares over arc length, with their ends on the outline.
+/// Source  DESIGN decision 3; [FS94] discontinuities.
+class ArcwiseCurve {
+ public:
+  explicit ArcwiseCurve(const OutlineCurve& outline, const ArcwiseOptions& options = {});
+
+  struct Arc {
+    SparseCurve curve;
+    double start = 0.0;     ///< arc length where it begins
+    double length = 0.0;    ///< arc length of the outline along it
+    double distance = 0.0;  ///< largest between outline and arc at equal arc length, as sampled
+
+    /// Length of one span of the base's finest level.
+    double span_length() const;
+    /// The arc's parameter at arc length s.
+    double parameter(double s) const { return parameter_at((s - start) / span_length()); }
+    /// The same for a distance from its start, in spans of its finest level.
+    double parameter_at(double spans) const { return is_closed(curve.scheme()) ? spans - 0.5 : spans; }
+    /// The fractional level whose spans are half of `scale`: it holds features longer than that. From 0, where the arc
+    /// has its fewest points, to all levels.
+    double level_of_scale(double scale) const;
+    /// Control points at a fractional level: continuous in it.
+    Coefficients at_level(double level) const { return fractional(curve.base(), level); }
+  };
+  const std::vector<Arc>& arcs() const { return arcs_; }
+  Arc& arc(int index) { return arcs_.at(static_cast<std::size_t>(index)); }
+  /// Index of the arc at arc length s, modulo the outline's length.
+  int arc_at(double s) const;
+  /// The point at arc length s, of all arcs at their finest.
+  Point evaluate(double s) const;
+
+  /// Every arc at the level for features longer than `scale`, sampled at about `step`: what there is to be shown.
+  Points to_polyline(double scale, double step) const;
+
+  /// Lets details of one arc go `more` levels beyond its base between two arc lengths.
+  /// Throws  as SparseCurve::refine.
+  void refine(int arc, double from, double to, int more);
+
+ private:
+  std::vector<Arc> arcs_;
+  double length_ = 0.0;
+};
+
+}  // namespace fontcore
