@@ -7,6 +7,7 @@
 #include "fontcore/measure.h"
 #include "fontcore/crossing.h"
 #include "fontcore/wavelet.h"
+#include "fontcore/nonuniform.h"
 #include "fontcore/outline_curve.h"
 #include "fontcore/arcwise.h"
 #include "fontcore/constraint.h"
