@@ -374,22 +374,37 @@ Point ArcwiseCurve::evaluate(double s) const {
   return arc.curve.evaluate(arc.parameter(s)).transpose();
 }
 
-Points ArcwiseCurve::to_polyline(double scale, double step) const {
-  if (!(step > 0.0) || !(scale >= 0.0)) {
-    throw InvalidInput(text("ArcwiseCurve::to_polyline: scale ", scale, ", step ", step));
-  }
+namespace {
+
+// Every arc at the level for features longer than `scale`, at `count(arc, spans)` even steps from its start.
+template <typename Count>
+Points sample_arcs(const std::vector<ArcwiseCurve::Arc>& arcs, double scale, const Count& count) {
+  if (!(scale >= 0.0)) throw InvalidInput(text("ArcwiseCurve: scale ", scale, " is not a length"));
   std::vector<Point> points;
-  for (const Arc& arc : arcs_) {
+  for (const ArcwiseCurve::Arc& arc : arcs) {
     const Coefficients control = arc.at_level(arc.level_of_scale(scale));
     const auto spans = static_cast<double>(detail_count(arc.curve.scheme(), control.rows()));
-    const int count = std::max(2, static_cast<int>(std::ceil(arc.length / step)));
-    for (int k = 0; k < count; ++k) {
-      points.emplace_back(fontcore::evaluate(arc.curve.scheme(), control, arc.parameter_at(spans * k / count)));
+    const int steps = count(arc, spans);
+    for (int k = 0; k < steps; ++k) {
+      points.emplace_back(evaluate(arc.curve.scheme(), control, arc.parameter_at(spans * k / steps)));
     }
   }
-  Points polyline(static_cast<Index>(points.size()), 2);
-  for (std::size_t i = 0; i < points.size(); ++i) polyline.row(static_cast<Index>(i)) = points[i].transpose();
-  return polyline;
+  Points rows(static_cast<Index>(points.size()), 2);
+  for (std::size_t i = 0; i < points.size(); ++i) rows.row(static_cast<Index>(i)) = points[i].transpose();
+  return rows;
+}
+
+}  // namespace
+
+Points ArcwiseCurve::to_polyline(double scale, double step) const {
+  if (!(step > 0.0)) throw InvalidInput(text("ArcwiseCurve::to_polyline: step ", step, " is not positive"));
+  return sample_arcs(arcs_, scale, [&](const Arc& arc, double) {
+    return std::max(2, static_cast<int>(std::ceil(arc.length / step)));
+  });
+}
+
+Points ArcwiseCurve::span_ends(double scale) const {
+  return sample_arcs(arcs_, scale, [](const Arc&, double spans) { return static_cast<int>(spans); });
 }
 
 void ArcwiseCurve::refine(int arc, double from, double to, int more) {

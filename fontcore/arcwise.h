@@ -122,6 +122,8 @@ class ArcwiseCurve {
 
   /// Every arc at the level for features longer than `scale`, sampled at about `step`: what there is to be shown.
   Points to_polyline(double scale, double step) const;
+  /// Where the spans of that begin.
+  Points span_ends(double scale) const;
 
   /// Lets details of one arc go `more` levels beyond its base between two arc lengths.
   /// Throws  as SparseCurve::refine.

@@ -76,6 +76,8 @@ double signed_area(const BezierContour& contour) {
   return area;
 }
 
+bool has_inside(const BezierContour& contour) { return contour.point_count() >= 3 && signed_area(contour) != 0.0; }
+
 double signed_area(const std::vector<BezierContour>& contours) {
   double area = 0.0;
   for (const auto& contour : contours) area += signed_area(contour);

@@ -16,6 +16,8 @@ double signed_area(const Bezier& bezier);
 ///
 /// Exact   to rounding; taken about the contour's first point, so that it does not depend on where the contour lies.
 double signed_area(const BezierContour& contour);
+/// Whether there is anything to model: three points or more, and an area that is not 0.
+bool has_inside(const BezierContour& contour);
 double signed_area(const std::vector<BezierContour>& contours);
 
 /// Gradient of the signed area with respect to every point; implied nodes count as points of their own.

@@ -67,6 +67,9 @@ struct Font {
   bool has_outline(int glyph) const;
 };
 
+/// Two-sided distance allowed between an outline and its model, of the em.
+constexpr double model_tolerance = 0.25e-3;
+
 /// The outline of a glyph as it is drawn: its components put in place, in doubles (FreeType would round scaled ones),
 /// and the whole shifted so that its origin is at 0.
 ///

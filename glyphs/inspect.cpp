@@ -53,7 +53,7 @@ ContourFacts facts_of(const BezierContour& contour, Detail detail, int units_per
   facts.segments = contour.segment_count();
   facts.length = fontcore::length(contour);
   try {
-    const fontcore::OutlineCurve curve(contour, {.tolerance = 0.25 * units_per_em / 1000.0});
+    const fontcore::OutlineCurve curve(contour, {.tolerance = model_tolerance * units_per_em});
     facts.corners = static_cast<int>(curve.corner_pairs().size());
     facts.control_points = curve.size();
     facts.levels = curve.levels();

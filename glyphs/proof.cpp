@@ -15,6 +15,7 @@
 #include <utility>
 #include <variant>
 
+#include "fontcore/arcwise.h"
 #include "fontcore/measure.h"
 #include "glyphs/error.h"
 
@@ -38,6 +39,7 @@ constexpr Colour went_colour{0.86, 0.13, 0.11};
 constexpr Colour came_colour{0.13, 0.36, 0.92};
 constexpr Colour label_colour{0.45, 0.45, 0.48};
 constexpr Colour crossing_colour{0.95, 0.55, 0.0};
+constexpr Colour level_colour{0.0, 0.72, 0.36};
 
 /// A glyph's outline put on the page: font units to pixels, y down.
 struct Inked {
@@ -130,7 +132,12 @@ struct Nodes {
 struct Ring {
   Point where;
 };
-using Item = std::variant<Fill, Overlay, Nodes, Ring>;
+/// Curves of one level, closed, and the ends of their spans.
+struct LevelCurves {
+  std::vector<std::vector<Point>> curves;
+  std::vector<Point> dots;
+};
+using Item = std::variant<Fill, Overlay, Nodes, Ring, LevelCurves>;
 
 struct Scene {
   double width = 0.0;
@@ -273,6 +280,22 @@ class Page {
     }
   }
 
+  void draw(const LevelCurves& level) {
+    cairo_t* context = context_.get();
+    set_colour(level_colour);
+    cairo_set_line_width(context, 1.2);
+    for (const std::vector<Point>& curve : level.curves) {
+      cairo_move_to(context, curve[0].x(), curve[0].y());
+      for (const Point& p : curve) cairo_line_to(context, p.x(), p.y());
+      cairo_close_path(context);
+      cairo_stroke(context);
+    }
+    for (const Point& p : level.dots) {
+      cairo_arc(context, p.x(), p.y(), 1.8, 0.0, 2.0 * M_PI);
+      cairo_fill(context);
+    }
+  }
+
   void draw(const Ring& ring) {
     cairo_set_line_width(context_.get(), 1.5);
     set_colour(crossing_colour);
@@ -368,6 +391,7 @@ constexpr double margin = 24.0;      ///< round the page, pixels
 constexpr double gap = 14.0;         ///< between rows and cells, pixels
 constexpr double label_size = 13.0;  ///< pixels per em
 constexpr double label_room = 20.0;  ///< height of a row of labels, pixels
+constexpr double level_step = 2e-3;  ///< between the points of a level's curve, em
 
 /// A word in the proofed font's own outlines, so that no other font is needed; nothing if the font lacks its letters.
 /// Gives where the next word may begin.
@@ -387,9 +411,27 @@ void add_overlay_label(Scene& scene, Outlines& outlines, const Point& baseline) 
   add_label(scene, outlines, "came", Point(x, baseline.y()), came_colour);
 }
 
-/// Nodes and crossings on top of the ink.
-void add_marks(Scene& scene, const std::vector<Inked>& inked, const ProofOptions& options) {
+/// Every contour of a glyph at the level for features longer than `scale`; what has no inside has no levels.
+LevelCurves level_curves(const Inked& inked, double scale, double units_per_em) {
+  LevelCurves level;
+  for (const BezierContour& contour : *inked.contours) {
+    if (!has_inside(contour)) continue;
+    const fontcore::OutlineCurve outline(contour, {.tolerance = model_tolerance * units_per_em});
+    const fontcore::ArcwiseCurve arcs(outline, {.tolerance = model_tolerance * units_per_em});
+    const fontcore::Points curve = arcs.to_polyline(scale, level_step * units_per_em);
+    level.curves.emplace_back();
+    for (Eigen::Index i = 0; i < curve.rows(); ++i)
+      level.curves.back().push_back(inked.to_page(curve.row(i).transpose()));
+    const fontcore::Points ends = arcs.span_ends(scale);
+    for (Eigen::Index i = 0; i < ends.rows(); ++i) level.dots.push_back(inked.to_page(ends.row(i).transpose()));
+  }
+  return level;
+}
+
+/// Nodes, levels and crossings on top of the ink.
+void add_marks(Scene& scene, const std::vector<Inked>& inked, const Font& font, const ProofOptions& options) {
   for (const Inked& one : inked) {
+    if (options.level) scene.items.push_back(level_curves(one, *options.level, font.units_per_em));
     if (options.nodes) scene.items.push_back(Nodes{one});
     if (options.crossings)
       for (const fontcore::Crossing& crossing : fontcore::find_crossings(*one.contours))
@@ -423,6 +465,8 @@ void check_options(const ProofOptions& options) {
   if (!(options.pixels_per_em >= fewest_pixels_per_em && options.pixels_per_em <= largest_side))
     throw RequestError(fontcore::text("proof: ", options.pixels_per_em, " pixels per em is not between ",
                                       fewest_pixels_per_em, " and ", largest_side));
+  if (options.level && !(*options.level >= 0.0 && std::isfinite(*options.level)))
+    throw RequestError(fontcore::text("proof: level ", *options.level, " is not a length"));
 }
 
 }  // namespace
@@ -468,7 +512,7 @@ Bytes draw_proof(const Font& font, const std::optional<Font>& against, const std
         if (top == margin) add_label(scene, now, name, label_at(), label_colour);
         const std::vector<Inked> row = shifted(after.inked, add_row(after.box));
         scene.items.push_back(Fill{row, ink_colour});
-        add_marks(scene, row, options);
+        add_marks(scene, row, font, options);
         continue;
       }
       const InkedLine before = ink_line(*old, line, pixels_per_em, options.shaping);
@@ -479,7 +523,7 @@ Bytes draw_proof(const Font& font, const std::optional<Font>& against, const std
       add_label(scene, *old, "after", label_at(), label_colour);
       const std::vector<Inked> row = shifted(after.inked, add_row(room));
       scene.items.push_back(Fill{row, ink_colour});
-      add_marks(scene, row, options);
+      add_marks(scene, row, font, options);
       add_overlay_label(scene, *old, label_at());
       const Point origin = add_row(room);
       scene.items.push_back(Overlay{shifted(before.inked, origin), shifted(after.inked, origin)});
@@ -557,7 +601,7 @@ Bytes draw_glyph_proof(const Font& font, const std::optional<Font>& against, con
         scene.items.push_back(Overlay{shifted(cells[i].before, origin), after});
       else
         scene.items.push_back(Fill{after, ink_colour});
-      add_marks(scene, after, options);
+      add_marks(scene, after, font, options);
       add_label(scene, labels, font.glyphs[static_cast<std::size_t>(glyphs[i])].name,
                 corner + Point(0.0, size.y() - 0.3 * label_size), label_colour);
     }

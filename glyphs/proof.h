@@ -15,6 +15,9 @@ struct ProofOptions {
   double pixels_per_em = 160.0;
   bool nodes = false;      ///< on-curve points and handles
   bool crossings = false;  ///< where outlines meet
+  /// Every contour without features shorter than this, font units: arc by arc at its fractional level, the ends of its
+  /// spans as dots. What a smooth step by level at this scale wishes.
+  std::optional<double> level;
   ShapingOptions shaping;
 };
 
@@ -41,7 +44,7 @@ Coverage draw_coverage(const Font& font, int glyph, double pixels_per_em, int wi
 /// after (`font`), and the two overlaid, what went in red, what came in blue. Rows are labelled. Reproducible: no date
 /// is written unless SOURCE_DATE_EPOCH is set.
 ///
-/// Throws  RequestError if the text cannot be set; FontReadError if a glyph cannot be composed.
+/// Throws  RequestError if the text cannot be set or a level is no length; FontReadError if a glyph cannot be composed.
 Bytes draw_proof(const Font& font, const std::optional<Font>& against, const std::string& text, ProofFormat format,
                  const ProofOptions& options = {});
 

@@ -20,12 +20,11 @@ using fontcore::Point;
 using fontcore::text;
 using Contours = std::vector<BezierContour>;
 
-constexpr double model_tolerance = 0.25e-3;  // of the em
-constexpr int usual_points = 64;             // of a model, at least
-constexpr int most_points = 1024;            // that a step may ask for
-constexpr double points_per_feature = 8.0;   // of the length of a rounded corner
-constexpr double bisection_width = 0.01;     // of the amount
-constexpr double worth_a_note = 5e-4;        // area error after rounding, relative
+constexpr int usual_points = 64;            // of a model, at least
+constexpr int most_points = 1024;           // that a step may ask for
+constexpr double points_per_feature = 8.0;  // of the length of a rounded corner
+constexpr double bisection_width = 0.01;    // of the amount
+constexpr double worth_a_note = 5e-4;       // area error after rounding, relative
 
 // A step of the recipe as it applies to one glyph, in font units.
 struct PlacedStep {
@@ -119,8 +118,7 @@ class GlyphEditor {
       return;
     }
     for (std::size_t k = 0; k < original_.size(); ++k) {  // what has no inside is carried through
-      const bool has_inside = original_[k].point_count() >= 3 && signed_area(original_[k]) != 0.0;
-      if (has_inside) steps_.push_back({step, static_cast<int>(k)});
+      if (has_inside(original_[k])) steps_.push_back({step, static_cast<int>(k)});
     }
   }
   int checked(int contour) const {

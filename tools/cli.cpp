@@ -126,7 +126,7 @@ constexpr std::array<Command, 5> table{{
      [](CLI::App& app, Options& options) {
        add_output(app, options, "the picture, .png, .pdf or .svg")->required();
        app.add_option("--against", options.proof.against, "the font before");
-       app.add_option("--show", options.proof.show, "nodes, crossings")->delimiter(',');
+       app.add_option("--show", options.proof.show, "nodes, crossings, level=LENGTH (font units)")->delimiter(',');
      },
      [](const Options& options) {
        commands::ProofRequest proof = options.proof;

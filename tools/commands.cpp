@@ -258,6 +258,21 @@ Outcome restyle(const Request& request, const RestyleRequest& restyle) {
   return {request.quiet ? "" : summary(request, restyle, font, result), "", 0};
 }
 
+namespace {
+
+// The LENGTH of level=LENGTH.
+double level_of(const std::string& show) {
+  const std::string digits = show.substr(show.find('=') + 1);
+  double length = 0.0;
+  const auto [end, status] = std::from_chars(digits.data(), digits.data() + digits.size(), length);
+  if (status != std::errc() || end != digits.data() + digits.size() || !(length >= 0.0) || !std::isfinite(length)) {
+    throw RequestError("--show " + show + ": a level is named by a length in font units");
+  }
+  return length;
+}
+
+}  // namespace
+
 Outcome proof(const Request& request, const ProofRequest& proof) {
   const glyphs::ProofFormat format = glyphs::proof_format(proof.output);
   check_outputs({request.font, proof.against}, {proof.output});
@@ -269,9 +284,9 @@ Outcome proof(const Request& request, const ProofRequest& proof) {
     else if (show == "crossings")
       options.crossings = true;
     else if (show.starts_with("level="))
-      throw RequestError("--show " + show + ": not in this version");
+      options.level = level_of(show);
     else
-      throw RequestError("--show " + show + ": it is none of nodes, crossings");
+      throw RequestError("--show " + show + ": it is none of nodes, crossings, level=LENGTH");
   }
   if (request.text && !request.glyphs.empty()) throw RequestError("--glyphs and --text cannot both select");
 

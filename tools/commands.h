@@ -51,7 +51,7 @@ Outcome restyle(const Request& request, const RestyleRequest& restyle);
 struct ProofRequest {
   std::string output;
   std::string against;            ///< empty: nothing to compare with
-  std::vector<std::string> show;  ///< nodes, crossings
+  std::vector<std::string> show;  ///< nodes, crossings, level=LENGTH
 };
 Outcome proof(const Request& request, const ProofRequest& proof);
 

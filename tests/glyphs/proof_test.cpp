@@ -223,6 +223,25 @@ TEST_CASE("a font against itself shows nothing that went or came; against anothe
   CHECK(coloured(bold()) > 100);
 }
 
+TEST_CASE("a level is drawn beside the ink it departs from, and at its corners on it", "[proof]") {
+  const auto drawn = [](std::optional<double> level) {
+    glyphs::ProofOptions options;
+    options.level = level;
+    return glyphs::draw_glyph_proof(regular(), {}, {glyph_of(regular(), 'a')}, ProofFormat::Svg, options);
+  };
+  CHECK(drawn({}) != drawn(0.0));
+  CHECK(drawn(0.0) != drawn(2000.0));
+  CHECK(drawn(300.0) == drawn(300.0));
+  // Fewer spans, fewer dots.
+  const auto dots = [&](double level) {
+    const std::string text = as_text(drawn(level));
+    std::size_t count = 0;
+    for (std::size_t at = text.find("72%"); at != std::string::npos; at = text.find("72%", at + 1)) ++count;
+    return count;
+  };
+  CHECK(dots(2000.0) < dots(100.0));
+}
+
 TEST_CASE("a sheet of all glyphs is drawn smaller rather than too large", "[proof][slow]") {
   std::vector<int> all;
   for (int glyph = 0; glyph < static_cast<int>(regular().glyphs.size()); ++glyph)
@@ -238,6 +257,7 @@ TEST_CASE("what cannot be drawn is refused", "[proof]") {
   CHECK_THROWS_AS(glyphs::draw_proof(regular(), {}, "a", ProofFormat::Png, {.pixels_per_em = 0.0}), RequestError);
   CHECK_THROWS_AS(glyphs::draw_proof(regular(), {}, "a", ProofFormat::Png, {.pixels_per_em = std::nan("")}),
                   RequestError);
+  CHECK_THROWS_AS(glyphs::draw_proof(regular(), {}, "a", ProofFormat::Png, {.level = -1.0}), RequestError);
   CHECK_THROWS_AS(glyphs::draw_glyph_proof(regular(), {}, {}, ProofFormat::Png), RequestError);
   CHECK_THROWS_AS(glyphs::draw_glyph_proof(regular(), {}, {1 << 20}, ProofFormat::Png), RequestError);
   const Font sans = glyphs::load_font(bundled_font("open-sans/OpenSans-Regular.ttf"));

@@ -147,8 +147,6 @@ TEST_CASE("what this version does not have yet is refused by name", "[cli]") {
   const Folder folder;
   check_refusal(glyphwave({"restyle", "--recipe", "r.json", "--output-dir", folder / "out", serif}),
                 {"restyle --recipe", "not in this version"});
-  check_refusal(glyphwave({"proof", serif, "--text", "a", "-o", folder / "p.png", "--show", "level=120"}),
-                {"level=120", "not in this version"});
   put(folder / "r.json", recipe_for("a", 1));
   check_refusal(glyphwave({"restyle", serif, folder / "r.json", "-o", folder / "o.otf"}), {"o.otf"});
   CHECK(folder.files() == std::vector<std::string>{"r.json"});
@@ -408,6 +406,10 @@ TEST_CASE("a proof is a picture of the kind its name says", "[cli]") {
   check_refusal(glyphwave({"proof", serif, "--text", "a", "-o", folder / "p.gif"}), {"p.gif"});
   check_refusal(glyphwave({"proof", serif, "--text", "a"}), {"--output"});
   check_refusal(glyphwave({"proof", serif, "--text", "a", "-o", folder / "x.png", "--show", "ghosts"}), {"ghosts"});
+  for (const std::string level : {"level=", "level=wide", "level=-1", "level=1e999"}) {
+    check_refusal(glyphwave({"proof", serif, "--text", "a", "-o", folder / "x.png", "--show", level}), {level});
+  }
+  REQUIRE(glyphwave({"proof", serif, "--text", "a", "-o", folder / "p.png", "--show", "nodes,level=120"}).status == 0);
   CHECK(folder.files() == std::vector<std::string>{"p.pdf", "p.png", "p.svg"});
 }
 
