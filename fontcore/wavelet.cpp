@@ -68,68 +68,31 @@ void require_levels(Scheme scheme, const char* function, Index size, int levels)
   }
 }
 
-// ---- Closed curves. Kernels work on `width` numbers a point, one after the other; buffers must not overlap.
+// ---- Closed curves. Kernels work on one column; buffers must not overlap.
 
 // [HBS05] eq. 7 with its sums shared: A = (3 x_{2i} - x_{2i+1}) / 4, B = (3 x_{2i+1} - x_{2i}) / 4 are x less the
 // quarter of their sum; coarse_i = A_i + B_{i-1}, detail_i = A_i - B_{i-1}. `previous` is B_{i-1}.
-template <typename Row>
-Row split_pair(const Row& first, const Row& second, Row& previous, double* detail) {
-  const Row quarter = 0.25 * (first + second);
-  const Row A = first - quarter;
-  Eigen::Map<Row>{detail} = A - previous;
-  Row coarse = A + previous;
-  previous = second - quarter;
-  return coarse;
-}
-
-template <int width>
 void split_chaikin(const double* fine, Index m, double* coarse, double* detail) {
-  using Row = Eigen::Array<double, width, 1>;
-  using In = Eigen::Map<const Row>;
-  using Out = Eigen::Map<Row>;
-  const Row last = In(fine + (2 * m - 1) * width);
-  Row previous = last - 0.25 * (In(fine + (2 * m - 2) * width) + last);
+  double previous = fine[2 * m - 1] - 0.25 * (fine[2 * m - 2] + fine[2 * m - 1]);
   for (Index i = 0; i < m; ++i) {
-    const double* pair = fine + 2 * i * width;
-    Out(coarse + i * width) = split_pair<Row>(In(pair), In(pair + width), previous, detail + i * width);
+    const double quarter = 0.25 * (fine[2 * i] + fine[2 * i + 1]);
+    const double A = fine[2 * i] - quarter;
+    coarse[i] = A + previous;
+    detail[i] = A - previous;
+    previous = fine[2 * i + 1] - quarter;
   }
 }
 
-// Three levels of x, y pairs in one pass, 8m points to m: what lies between stays in registers. The details of the
-// three levels are m, 2m and 4m points, one after the other. The B before the first pair of a level is that of its
-// last: a run over the last two blocks of eight finds them, as what is unknown at its start dies out.
-void split_chaikin_thrice(const double* fine, Index m, double* coarse, double* details) {
-  using Row = Eigen::Array2d;
-  std::array<Row, 3> B = {Row::Zero(), Row::Zero(), Row::Zero()};
-  const auto split_block = [&](Index block, double* one, double* two, double* four) {
-    std::array<Row, 4> x;
-    for (std::size_t k = 0; k < 4; ++k) {
-      const double* pair = fine + 16 * block + 4 * k;
-      x[k] = split_pair<Row>(Eigen::Map<const Row>(pair), Eigen::Map<const Row>(pair + 2), B[0], four + 2 * k);
-    }
-    for (std::size_t k = 0; k < 2; ++k) x[k] = split_pair(x[2 * k], x[2 * k + 1], B[1], two + 2 * k);
-    return split_pair(x[0], x[1], B[2], one);
-  };
-  std::array<double, 14> unused;
-  for (Index block = m - 2; block < m; ++block) split_block(block, &unused[0], &unused[2], &unused[6]);
-  for (Index block = 0; block < m; ++block) {
-    Eigen::Map<Row>{coarse + 2 * block} =
-        split_block(block, details + 2 * block, details + 2 * m + 4 * block, details + 6 * m + 8 * block);
-  }
-}
-
-// [HBS05] eq. 8, corrected: x_{2i} and x_{2i+1} from here = c_i + d_i and there = c_{i+1} - d_{i+1}.
-template <int width>
+// [HBS05] eq. 8, corrected: x_{2i} and x_{2i+1} from here = c_i + d_i and there = c_{i+1} - d_{i+1}:
+// a quarter of the way from one to the other.
 void merge_chaikin(const double* coarse, const double* detail, Index m, double* fine) {
-  using Row = Eigen::Array<double, width, 1>;
-  using In = Eigen::Map<const Row>;
-  using Out = Eigen::Map<Row>;
   for (Index i = 0; i < m; ++i) {
     const Index next = i + 1 == m ? 0 : i + 1;
-    const Row here = In(coarse + i * width) + In(detail + i * width);
-    const Row there = In(coarse + next * width) - In(detail + next * width);
-    Out(fine + 2 * i * width) = 0.75 * here + 0.25 * there;
-    Out(fine + (2 * i + 1) * width) = 0.25 * here + 0.75 * there;
+    const double here = coarse[i] + detail[i];
+    const double there = coarse[next] - detail[next];
+    const double quarter = 0.25 * (there - here);
+    fine[2 * i] = here + quarter;
+    fine[2 * i + 1] = there - quarter;
   }
 }
 
@@ -181,7 +144,7 @@ void solve_gram(double* b, Index m) {
 // With B and A Chaikin's filters: B fine = B Q d, where B Q is the matrix of `solve_gram`, and c = A fine - A Q d, A Q
 // being 41/120 between neighbours and 1/60 between their neighbours, skew.
 void split_orthogonal(const double* fine, Index m, double* coarse, double* detail) {
-  split_chaikin<1>(fine, m, coarse, detail);
+  split_chaikin(fine, m, coarse, detail);
   solve_gram(detail, m);
   const auto lift = [&](Index i, Index before2, Index before, Index after, Index after2) {
     coarse[i] -= 41.0 / 120.0 * (detail[after] - detail[before]) + 1.0 / 60.0 * (detail[after2] - detail[before2]);
@@ -599,7 +562,7 @@ auto at_endpoint_level(Scheme scheme, Index spans, const Work& work) {
 }
 
 Split split_level(Scheme scheme, const CoefficientsView& fine) {
-  if (scheme == Scheme::Chaikin) return split_columns(split_chaikin<1>, fine);
+  if (scheme == Scheme::Chaikin) return split_columns(split_chaikin, fine);
   if (scheme == Scheme::Orthogonal) return split_columns(split_orthogonal, fine);
   return at_endpoint_level(scheme, (fine.rows() - degree(scheme)) / 2,
                            [&](const auto& level) { return level.split(fine); });
@@ -616,7 +579,7 @@ Coefficients merge_level(Scheme scheme, const CoefficientsView& coarse, const Co
   if (!is_closed(scheme)) {
     return at_endpoint_level(scheme, detail.rows(), [&](const auto& level) { return level.merge(coarse, detail); });
   }
-  const auto kernel = scheme == Scheme::Chaikin ? merge_chaikin<1> : merge_orthogonal;
+  const auto kernel = scheme == Scheme::Chaikin ? merge_chaikin : merge_orthogonal;
   Coefficients fine(2 * coarse.rows(), coarse.cols());
   for (Index k = 0; k < coarse.cols(); ++k) {
     kernel(coarse.col(k).data(), detail.col(k).data(), coarse.rows(), fine.col(k).data());
@@ -736,58 +699,6 @@ Coefficients synthesize(const CoefficientsView& coarse, const CoefficientsView& 
 }
 
 Coefficients refine(const CoefficientsView& coarse) { return fontcore::refine(Scheme::Chaikin, coarse); }
-
-namespace {
-
-void require_buffers(const char* function, std::size_t in, int levels, std::size_t out, std::size_t scratch) {
-  if (in % 2 != 0 || out != in || scratch < in / 2 + in / 4) {
-    throw InvalidInput(text(function, ": buffers of ", in, ", ", out, " and ", scratch,
-                            " numbers; x and y of N points take 2N, 2N, 3N/2"));
-  }
-  require_levels(Scheme::Chaikin, function, static_cast<Index>(in / 2), levels);
-}
-
-}  // namespace
-
-void analyze_into(std::span<const double> fine, int levels, std::span<double> out, std::span<double> scratch) {
-  require_buffers("chaikin::analyze_into", fine.size(), levels, out.size(), scratch.size());
-  if (levels == 0) std::ranges::copy(fine, out.begin());
-  const double* from = fine.data();
-  Index m = static_cast<Index>(fine.size() / 2);
-  std::array<double*, 2> spare = {scratch.data(), scratch.data() + fine.size() / 2};
-  while (levels > 0) {
-    const int step = levels >= 3 ? 3 : 1;
-    levels -= step;
-    m >>= step;
-    double* const coarse = levels == 0 ? out.data() : spare[0];
-    if (step == 3) {
-      split_chaikin_thrice(from, m, coarse, out.data() + 2 * m);
-    } else {
-      split_chaikin<2>(from, m, coarse, out.data() + 2 * m);
-    }
-    from = coarse;
-    std::swap(spare[0], spare[1]);
-  }
-  // Every number of `fine` weighs in the coarsest points, so one that is not finite shows there.
-  if (std::all_of(out.data(), out.data() + 2 * m, [](double value) { return std::isfinite(value); })) return;
-  require_finite("chaikin::analyze_into",
-                 Eigen::Map<const Eigen::Matrix2Xd>(fine.data(), 2, static_cast<Index>(fine.size() / 2)).transpose());
-  throw InvalidInput("chaikin::analyze_into: numbers so large that their sums are not finite");
-}
-
-void synthesize_into(std::span<const double> coefficients, int levels, std::span<double> fine,
-                     std::span<double> scratch) {
-  require_buffers("chaikin::synthesize_into", coefficients.size(), levels, fine.size(), scratch.size());
-  if (levels == 0) std::ranges::copy(coefficients, fine.begin());
-  const double* from = coefficients.data();
-  Index m = static_cast<Index>(coefficients.size() / 2) >> levels;
-  double* const spare[] = {scratch.data(), scratch.data() + coefficients.size() / 2};
-  for (int level = levels - 1; level >= 0; --level, m *= 2) {
-    double* const next = level == 0 ? fine.data() : spare[(level - 1) % 2];
-    merge_chaikin<2>(from, coefficients.data() + 2 * m, m, next);
-    from = next;
-  }
-}
 
 }  // namespace chaikin
 
