@@ -8,6 +8,7 @@
 #include "fontcore/crossing.h"
 #include "fontcore/wavelet.h"
 #include "fontcore/nonuniform.h"
+#include "fontcore/tensor.h"
 #include "fontcore/outline_curve.h"
 #include "fontcore/arcwise.h"
 #include "fontcore/constraint.h"

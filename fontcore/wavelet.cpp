@@ -929,6 +929,19 @@ Coefficients stack(const MultiresCurve& curve) {
   return stacked;
 }
 
+MultiresCurve unstack(Scheme scheme, const CoefficientsView& stacked, int levels) {
+  require_levels(scheme, "unstack", stacked.rows(), levels);
+  MultiresCurve curve{{}, std::vector<Coefficients>(static_cast<std::size_t>(levels)), scheme};
+  Index size = stacked.rows();
+  for (int level = levels - 1; level >= 0; --level) {
+    const Index coarse = coarser_size(scheme, size);
+    curve.details[static_cast<std::size_t>(level)] = stacked.middleRows(coarse, size - coarse);
+    size = coarse;
+  }
+  curve.coarse = stacked.topRows(size);
+  return curve;
+}
+
 double area(const MultiresCurve& curve, int level) {
   if (curve.coarse.cols() < 2) throw InvalidInput(text("area: control points have ", curve.coarse.cols(), " columns"));
   const Coefficients X = stack(from_level(curve, level));

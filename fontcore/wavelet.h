@@ -242,6 +242,9 @@ class LevelForm {
 
 /// All coefficients of a curve below each other, coarse first, then details from coarse to fine.
 Coefficients stack(const MultiresCurve& curve);
+/// The way back: coefficients of a curve with so many levels.
+/// Throws  InvalidInput if their number cannot be halved so often.
+MultiresCurve unstack(Scheme scheme, const CoefficientsView& stacked, int levels);
 
 /// Signed area, from the coefficients (c^L, d^L, ..., d^{n-1}) of columns 0 and 1; of an open arc the boundary integral
 /// 1/2 (x y' - x' y), its share of a contour's area.
