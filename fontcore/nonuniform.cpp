@@ -63,17 +63,6 @@ void require_rows(const char* function, Index size, const CoefficientsView& poin
   }
 }
 
-void require_finite(const char* function, const CoefficientsView& rows) {
-  if (rows.allFinite()) return;
-  for (Index i = 0; i < rows.rows(); ++i) {
-    for (Index k = 0; k < rows.cols(); ++k) {
-      if (!std::isfinite(rows(i, k))) {
-        throw InvalidInput(text(function, ": point ", i, ", column ", k, " is ", rows(i, k)));
-      }
-    }
-  }
-}
-
 // ---- B-splines.
 
 // Weights of the control points span - p .. span in the polar form, at p arguments, of the polynomial between the knots
@@ -152,35 +141,11 @@ Local difference(int p) {
   return matrix;
 }
 
-// Integrals over [0, 1] of the products of Bernstein polynomials of degrees n and m.
-Local bernstein_products(int n, int m) {
-  const auto binomial = [](int a, int b) {
-    double value = 1.0;
-    for (int i = 1; i <= b; ++i) value = value * (a - b + i) / i;
-    return value;
-  };
-  return Local::NullaryExpr(n + 1, m + 1, [&](Index row, Index column) {
-    const int i = static_cast<int>(row);
-    const int j = static_cast<int>(column);
-    return binomial(n, i) * binomial(m, j) / (binomial(n + m, i + j) * (n + m + 1));
-  });
-}
-
 Sparse form_matrix(Form form, const KnotVector& knots) {
   const int p = knots.degree();
-  Local bernstein = Local::Zero(p + 1, p + 1);
-  int order = 0;  // of the derivatives taken: each divides by the length of the span, the integral multiplies
-  if (form == Form::Product) {
-    bernstein = bernstein_products(p, p);
-  } else if (form == Form::Area) {
-    const Local slope = bernstein_products(p, p - 1) * difference(p);
-    bernstein = slope - slope.transpose();
-    order = 1;
-  } else if (p >= 2) {
-    const Local bend = difference(p - 1) * difference(p);
-    bernstein = 2.0 * bend.transpose() * bernstein_products(p - 2, p - 2) * bend;
-    order = 4;
-  }
+  const Eigen::MatrixXd bernstein = bernstein_form(form, p);
+  // Of derivatives taken: each divides by the length of the span, the integral multiplies.
+  const int order = form == Form::Product ? 0 : form == Form::Area ? 1 : 4;
   Triplets triplets;
   triplets.reserve(static_cast<std::size_t>(knots.size() * (p + 1) * (p + 1)));
   for (const Index span : spans(knots)) {

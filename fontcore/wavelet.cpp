@@ -11,9 +11,68 @@
 
 namespace fontcore {
 
+using Eigen::Index;
+
+void require_finite(const char* function, const CoefficientsView& rows) {
+  if (rows.allFinite()) return;
+  for (Index i = 0; i < rows.rows(); ++i) {
+    for (Index k = 0; k < rows.cols(); ++k) {
+      if (!std::isfinite(rows(i, k))) {
+        throw InvalidInput(text(function, ": point ", i, ", column ", k, " is ", rows(i, k)));
+      }
+    }
+  }
+}
+
 namespace {
 
-using Eigen::Index;
+double binomial(int n, int k) {
+  double value = 1.0;
+  for (int i = 1; i <= k; ++i) value = value * (n - k + i) / i;
+  return value;
+}
+
+// Integral over [0, 1] of the product of two Bernstein polynomials; 0 for an index out of range.
+double bernstein_product(int n, int i, int m, int j) {
+  if (i < 0 || i > n || j < 0 || j > m) return 0.0;
+  return binomial(n, i) * binomial(m, j) / (binomial(n + m, i + j) * (n + m + 1));
+}
+
+}  // namespace
+
+Eigen::MatrixXd bernstein_form(Form form, int p) {
+  const auto slope = [&](int i, int j) {  // of B_i B_j'
+    return p * (bernstein_product(p, i, p - 1, j - 1) - bernstein_product(p, i, p - 1, j));
+  };
+  Eigen::MatrixXd matrix(p + 1, p + 1);
+  for (int i = 0; i <= p; ++i) {
+    for (int j = 0; j <= p; ++j) {
+      switch (form) {
+        case Form::Product:
+          matrix(i, j) = bernstein_product(p, i, p, j);
+          break;
+        case Form::Area:
+          matrix(i, j) = slope(i, j) - slope(j, i);
+          break;
+        case Form::Energy: {
+          constexpr std::array<int, 3> second_difference = {1, -2, 1};
+          double sum = 0.0;
+          for (int k = 0; k < 3; ++k) {
+            for (int l = 0; l < 3; ++l) {
+              sum += second_difference[static_cast<std::size_t>(k)] * second_difference[static_cast<std::size_t>(l)] *
+                     bernstein_product(p - 2, i - k, p - 2, j - l);
+            }
+          }
+          matrix(i, j) = 2.0 * p * (p - 1) * p * (p - 1) * sum;
+          break;
+        }
+      }
+    }
+  }
+  return matrix;
+}
+
+namespace {
 
 const char* name_of(Scheme scheme) {
   switch (scheme) {
@@ -40,17 +99,6 @@ Index coarser_size(Scheme scheme, Index size) {
 bool can_halve(Scheme scheme, Index size) {
   const Index spans = detail_count(scheme, size);
   return spans > 0 && spans % 2 == 0 && coarser_size(scheme, size) >= fewest(scheme);
-}
-
-void require_finite(const char* function, const CoefficientsView& rows) {
-  if (rows.allFinite()) return;
-  for (Index i = 0; i < rows.rows(); ++i) {
-    for (Index k = 0; k < rows.cols(); ++k) {
-      if (!std::isfinite(rows(i, k))) {
-        throw InvalidInput(text(function, ": point ", i, ", column ", k, " is ", rows(i, k)));
-      }
-    }
-  }
 }
 
 void require_halvable(Scheme scheme, const char* function, Index size) {
@@ -186,51 +234,6 @@ void adjoint_orthogonal(const double* fine, Index m, double* coarse, double* det
 }
 
 // ---- Pieces of B-splines, and integrals over them.
-
-double binomial(int n, int k) {
-  double value = 1.0;
-  for (int i = 1; i <= k; ++i) value = value * (n - k + i) / i;
-  return value;
-}
-
-// Integral over [0, 1] of the product of two Bernstein polynomials; 0 for an index out of range.
-double bernstein_product(int n, int i, int m, int j) {
-  if (i < 0 || i > n || j < 0 || j > m) return 0.0;
-  return binomial(n, i) * binomial(m, j) / (binomial(n + m, i + j) * (n + m + 1));
-}
-
-// The form on the Bernstein polynomials of one span.
-Eigen::MatrixXd bernstein_form(Form form, int p) {
-  const auto slope = [&](int i, int j) {  // of B_i B_j'
-    return p * (bernstein_product(p, i, p - 1, j - 1) - bernstein_product(p, i, p - 1, j));
-  };
-  Eigen::MatrixXd matrix(p + 1, p + 1);
-  for (int i = 0; i <= p; ++i) {
-    for (int j = 0; j <= p; ++j) {
-      switch (form) {
-        case Form::Product:
-          matrix(i, j) = bernstein_product(p, i, p, j);
-          break;
-        case Form::Area:
-          matrix(i, j) = slope(i, j) - slope(j, i);
-          break;
-        case Form::Energy: {
-          constexpr std::array<int, 3> second_difference = {1, -2, 1};
-          double sum = 0.0;
-          for (int k = 0; k < 3; ++k) {
-            for (int l = 0; l < 3; ++l) {
-              sum += second_difference[static_cast<std::size_t>(k)] * second_difference[static_cast<std::size_t>(l)] *
-                     bernstein_product(p - 2, i - k, p - 2, j - l);
-            }
-          }
-          matrix(i, j) = 2.0 * p * (p - 1) * p * (p - 1) * sum;
-          break;
-        }
-      }
-    }
-  }
-  return matrix;
-}
 
 // Weights of control points e .. e + p in the polar form, at p arguments, of span e of `spans` unit spans with knots of
 // full multiplicity at both ends (de Boor's algorithm).

@@ -38,6 +38,9 @@ constexpr Eigen::Index detail_count(Scheme scheme, Eigen::Index size) {
 /// How often `size` control points can be halved; 0 if not at all.
 int most_levels(Scheme scheme, Eigen::Index size);
 
+/// Throws  InvalidInput naming the function and the first entry that is not finite.
+void require_finite(const char* function, const CoefficientsView& rows);
+
 struct Split {
   Coefficients coarse;
   Coefficients detail;
@@ -208,6 +211,10 @@ enum class Form {
   Area,     ///< of f g' - f' g: twice the area x (dy) - y (dx) sweeps, skew
   Energy,   ///< of 2 f'' g'': a refinement multiplies it by 1/8, as the same curve then takes twice the spans
 };
+
+/// A form on the Bernstein polynomials of a degree over [0, 1]: what schemes build their matrices from.
+/// Shape   (degree + 1)×(degree + 1).
+Eigen::MatrixXd bernstein_form(Form form, int degree);
 
 /// The matrix of a form on the control points of one level: [HBS05]'s mother matrix M^n.
 /// Shape   size×size, banded (cyclic if closed).
