@@ -604,14 +604,22 @@ Split analyze(Scheme scheme, const CoefficientsView& fine) {
   return split_level(scheme, fine);
 }
 
-Coefficients synthesize(Scheme scheme, const CoefficientsView& coarse, const CoefficientsView& detail) {
+namespace {
+
+void require_detail(Scheme scheme, const CoefficientsView& coarse, const CoefficientsView& detail) {
   if (coarse.rows() < fewest(scheme) || detail.rows() != detail_count(scheme, coarse.rows()) ||
       detail.cols() != coarse.cols()) {
     throw InvalidInput(text(name_of(scheme), "::synthesize: ", coarse.rows(), " control points of ", coarse.cols(),
                             " columns with ", detail.rows(), " details of ", detail.cols()));
   }
-  require_finite("synthesize: control points", coarse);
   require_finite("synthesize: details", detail);
+}
+
+}  // namespace
+
+Coefficients synthesize(Scheme scheme, const CoefficientsView& coarse, const CoefficientsView& detail) {
+  require_detail(scheme, coarse, detail);
+  require_finite("synthesize: control points", coarse);
   return merge_level(scheme, coarse, detail);
 }
 
@@ -751,8 +759,12 @@ MultiresCurve decompose(Scheme scheme, const CoefficientsView& fine, int levels)
 MultiresCurve decompose(const CoefficientsView& fine, int levels) { return decompose(Scheme::Chaikin, fine, levels); }
 
 Coefficients reconstruct(const MultiresCurve& curve) {
+  require_finite("reconstruct: control points", curve.coarse);
   Coefficients fine = curve.coarse;
-  for (const Coefficients& detail : curve.details) fine = synthesize(curve.scheme, fine, detail);
+  for (const Coefficients& detail : curve.details) {  // what comes of finite numbers is not looked at again
+    require_detail(curve.scheme, fine, detail);
+    fine = merge_level(curve.scheme, fine, detail);
+  }
   return fine;
 }
 

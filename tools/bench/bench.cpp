@@ -99,6 +99,9 @@ void sizes(benchmark::internal::Benchmark* bench) { bench->RangeMultiplier(2)->R
 BENCHMARK(copy)->Name("memcpy")->Apply(sizes);
 BENCHMARK(chaikin_analyze)->Apply(sizes);
 BENCHMARK(chaikin_synthesize)->Apply(sizes);
+// Chaikin's scheme by the same interface as the others, beside its buffers above.
+BENCHMARK_CAPTURE(analyze, chaikin, Scheme::Chaikin)->Name("chaikin_decompose")->Apply(sizes);
+BENCHMARK_CAPTURE(synthesize, chaikin, Scheme::Chaikin)->Name("chaikin_reconstruct")->Apply(sizes);
 BENCHMARK_CAPTURE(analyze, orthogonal, Scheme::Orthogonal)->Name("orthogonal_analyze")->Apply(sizes);
 BENCHMARK_CAPTURE(synthesize, orthogonal, Scheme::Orthogonal)->Name("orthogonal_synthesize")->Apply(sizes);
 BENCHMARK_CAPTURE(analyze, quadratic, Scheme::EndpointQuadratic)->Name("endpoint_quadratic_analyze")->Apply(sizes);
@@ -107,6 +110,8 @@ BENCHMARK_CAPTURE(synthesize, quadratic, Scheme::EndpointQuadratic)
     ->Apply(sizes);
 BENCHMARK_CAPTURE(analyze, cubic, Scheme::EndpointCubic)->Name("endpoint_cubic_analyze")->Apply(sizes);
 BENCHMARK_CAPTURE(synthesize, cubic, Scheme::EndpointCubic)->Name("endpoint_cubic_synthesize")->Apply(sizes);
+BENCHMARK_CAPTURE(analyze, held, Scheme::HeldCubic)->Name("held_cubic_analyze")->Apply(sizes);
+BENCHMARK_CAPTURE(synthesize, held, Scheme::HeldCubic)->Name("held_cubic_synthesize")->Apply(sizes);
 
 }  // namespace
 
