@@ -327,6 +327,7 @@ double ArcwiseCurve::Arc::span_length() const {
 }
 
 double ArcwiseCurve::Arc::level_of_scale(double scale) const {
+  if (!(scale >= 0.0)) throw InvalidInput(text("ArcwiseCurve: scale ", scale, " is not a length"));
   const MultiresCurve& base = curve.base();
   const auto fewest_spans = static_cast<double>(detail_count(base.scheme, base.coarse.rows()));
   const double level = std::log2(2.0 * length / (scale * fewest_spans));
@@ -379,7 +380,6 @@ namespace {
 // Every arc at the level for features longer than `scale`, at `count(arc, spans)` even steps from its start.
 template <typename Count>
 Points sample_arcs(const std::vector<ArcwiseCurve::Arc>& arcs, double scale, const Count& count) {
-  if (!(scale >= 0.0)) throw InvalidInput(text("ArcwiseCurve: scale ", scale, " is not a length"));
   std::vector<Point> points;
   for (const ArcwiseCurve::Arc& arc : arcs) {
     const Coefficients control = arc.at_level(arc.level_of_scale(scale));

@@ -109,6 +109,7 @@ class ArcwiseCurve {
     double parameter_at(double spans) const { return is_closed(curve.scheme()) ? spans - 0.5 : spans; }
     /// The fractional level whose spans are half of `scale`: it holds features longer than that. From 0, where the arc
     /// has its fewest points, to all levels.
+    /// Throws  InvalidInput if scale is negative or no number.
     double level_of_scale(double scale) const;
     /// Control points at a fractional level: continuous in it.
     Coefficients at_level(double level) const { return fractional(curve.base(), level); }

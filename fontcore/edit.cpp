@@ -42,6 +42,9 @@ double level_of_breadth(const OutlineCurve& curve, double t, double breadth) {
 
 Sweep sweep(const OutlineCurve& curve, double t, const Point& move, double breadth, Scheme scheme) {
   if (!is_closed(scheme)) throw InvalidInput("sweep: an outline is closed, the scheme is not");
+  if (!std::isfinite(t) || !move.allFinite()) {
+    throw InvalidInput(text("sweep: a move by ", move.x(), ", ", move.y(), " at parameter ", t));
+  }
   const double level = level_of_breadth(curve, t, breadth);
   Eigen::VectorXd weights = reconstruct(pull(scheme, curve.size(), curve.levels(), t, level));
   weights = (weights.array().abs() * move.norm() < negligible * curve.length()).select(0.0, weights);

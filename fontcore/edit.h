@@ -23,7 +23,7 @@ struct Sweep {
 ///
 /// Shape   field N×2.
 /// Units   font units.
-/// Throws  InvalidInput if breadth is not positive or the scheme is for open arcs.
+/// Throws  InvalidInput if breadth is not positive, t or the move not finite, or the scheme is for open arcs.
 /// Source  [FS94] editing at fractional levels, direct manipulation, editing a desired portion of the curve.
 Sweep sweep(const OutlineCurve& curve, double t, const Point& move, double breadth, Scheme scheme = Scheme::Chaikin);
 

@@ -248,6 +248,10 @@ TEST_CASE("the arcwise view works with each open and each closed scheme, and ref
   CHECK_THROWS_AS(ArcwiseCurve(circle, {.closed = Scheme::HeldCubic}), InvalidInput);
   CHECK_THROWS_AS(ArcwiseCurve(circle, {.open = Scheme::Chaikin}), InvalidInput);
   CHECK_THROWS_AS(ArcwiseCurve(circle, {.tolerance = 0.0}), InvalidInput);
+  CHECK(message_of<InvalidInput>([&] { ArcwiseCurve(circle).to_polyline(-3.0, 1.0); }) ==
+        "ArcwiseCurve: scale -3 is not a length");
+  CHECK_THROWS_AS(ArcwiseCurve(circle).to_polyline(std::nan(""), 1.0), InvalidInput);
+  CHECK_THROWS_AS(ArcwiseCurve(circle).to_polyline(3.0, 0.0), InvalidInput);
 }
 
 TEST_CASE("with corners rounded a contour is one closed arc across them", "[arcwise]") {

@@ -98,7 +98,12 @@ TEST_CASE("corner rows, solved, are what respecting corners does to a field", "[
   for (int i = 0; i < n; ++i) CHECK((least.segment<2>(2 * i) - field.row(i).transpose()).norm() < 1e-12);
 }
 
-TEST_CASE("a breadth that is not positive is refused", "[edit]") {
+TEST_CASE("breadths that are not positive, moves that are not finite and open schemes are refused", "[edit]") {
+  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+  CHECK_THROWS_AS(sweep(specimen(), nan, Point(1, 0), 90.0), InvalidInput);
+  CHECK(message_of<InvalidInput>([&] { sweep(specimen(), 1.0, Point(nan, 0), 90.0); }) ==
+        "sweep: a move by nan, 0 at parameter 1");
+  CHECK_THROWS_AS(sweep(specimen(), 1.0, Point(1, 0), 90.0, Scheme::HeldCubic), InvalidInput);
   CHECK_THROWS_AS(sweep(specimen(), 1.0, Point(1, 0), 0.0), InvalidInput);
   CHECK_THROWS_AS(sweep(specimen(), 1.0, Point(1, 0), std::numeric_limits<double>::quiet_NaN()), InvalidInput);
 }
