@@ -340,7 +340,6 @@ class WholeNumbers {
       const int p = original.node(s);
       if (original.kind(p) == PointKind::ImpliedNode || std::abs(turns[static_cast<std::size_t>(s)]) > smooth_angle)
         continue;
-      if (original.degree(s) == 1 && original.degree(original.previous(s)) == 1) continue;
       joins_.push_back(s);
     }
     joins_of_.resize(exact_.size());
@@ -355,11 +354,12 @@ class WholeNumbers {
     result.plain_area_error = error(plain);
     mend_joins();
     opened_ = opened(value_, all_joins());
+    const std::vector<double> mended = value_;
     const double good = good_area * goal_.scale;
     combine();
     for (int reach = 0; reach <= 1 && std::abs(error(value_)) > good; ++reach) improve(reach);
     if (std::abs(error(value_)) > enough_area * goal_.scale) search_far();
-    if (std::abs(error(value_)) > std::max(std::abs(result.plain_area_error), good)) value_ = plain;
+    if (std::abs(error(value_)) > std::max(std::abs(error(mended)), good)) value_ = mended;
     result.contour = contour(value_);
     result.area_error = error(value_);
     result.opened_joins = static_cast<int>(opened(value_, all_joins()).size());
@@ -419,39 +419,48 @@ class WholeNumbers {
     return result;
   }
 
-  // Every smooth join that rounding opened takes the best of the neighbours of its own points.
+  // Every smooth join that rounding opened takes the best of the neighbours of its own points; where no floor and
+  // ceiling close it, those a unit further.
   void mend_joins() {
-    for (int sweep = 0; sweep < 4; ++sweep) {
-      const std::set<std::size_t> bad = opened(value_, all_joins());
-      if (bad.empty()) return;
-      for (const std::size_t j : bad) {
-        std::vector<std::size_t> own;
-        std::set<std::size_t> touched;
-        for (const std::size_t k : unknowns_of(joins_[j])) {
-          if (!locked_[k]) own.push_back(k);
-        }
-        for (const std::size_t k : own) touched.insert(joins_of_[k].begin(), joins_of_[k].end());
-        const std::vector<std::size_t> affected(touched.begin(), touched.end());
-        std::vector<double> best = value_;
-        std::pair<std::size_t, double> best_cost{opened(value_, affected).size(), 0.0};
-        for (unsigned mask = 0; mask < 1U << own.size(); ++mask) {
-          std::vector<double> tried = value_;
-          double moved = 0.0;
-          for (std::size_t b = 0; b < own.size(); ++b) {
-            const double x = exact_[own[b]];
-            tried[own[b]] = (mask >> b & 1U) != 0U ? std::ceil(x) : std::floor(x);
-            moved += std::abs(tried[own[b]] - x);
-          }
-          const std::pair<std::size_t, double> cost{opened(tried, affected).size(), moved};
-          if (cost.first < best_cost.first ||
-              (cost.first == best_cost.first && best_cost.second > 0.0 && cost < best_cost)) {
-            best = tried;
-            best_cost = cost;
-          }
-        }
-        value_ = best;
+    for (const int further : {0, 1}) {
+      for (int sweep = 0; sweep < 4; ++sweep) {
+        const std::set<std::size_t> bad = opened(value_, all_joins());
+        if (bad.empty()) return;
+        for (const std::size_t j : bad) mend(j, further);
       }
     }
+  }
+  void mend(std::size_t join, int further) {
+    std::vector<std::size_t> own;
+    std::set<std::size_t> touched;
+    for (const std::size_t k : unknowns_of(joins_[join])) {
+      if (!locked_[k]) own.push_back(k);
+    }
+    for (const std::size_t k : own) touched.insert(joins_of_[k].begin(), joins_of_[k].end());
+    const std::vector<std::size_t> affected(touched.begin(), touched.end());
+    std::vector<double> best = value_;
+    std::pair<std::size_t, double> best_cost{opened(value_, affected).size(), 0.0};
+    const int choices = 2 + 2 * further;
+    int combinations = 1;
+    for (std::size_t b = 0; b < own.size(); ++b) combinations *= choices;
+    for (int combination = 0; combination < combinations; ++combination) {
+      std::vector<double> tried = value_;
+      double moved = 0.0;
+      for (int b = 0, rest = combination; b < static_cast<int>(own.size()); ++b, rest /= choices) {
+        const std::size_t k = own[static_cast<std::size_t>(b)];
+        const int choice = rest % choices - further;  // 0 the floor, 1 the ceiling
+        tried[k] = (choice <= 0 ? std::floor(exact_[k]) : std::ceil(exact_[k]) - 1.0) + choice;
+        moved += std::abs(tried[k] - exact_[k]);
+      }
+      if (moved >= best_cost.second && best_cost.first == 0) continue;
+      const std::pair<std::size_t, double> cost{opened(tried, affected).size(), moved};
+      if (cost.first < best_cost.first ||
+          (cost.first == best_cost.first && best_cost.second > 0.0 && cost < best_cost)) {
+        best = tried;
+        best_cost = cost;
+      }
+    }
+    value_ = best;
   }
 
   bool opens_none(const std::vector<double>& value, const Changes& changes) const {

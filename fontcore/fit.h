@@ -66,7 +66,9 @@ struct Rounding {
 /// an outline of few unknowns is searched further, for the area before the handle. Smooth joins stay
 /// within 1.5 degrees where that can be; the handle, if given, ends within one unit of its place.
 ///
-/// Exact   never farther from the area than plain rounding unless within `good_area` of it, relative to `scale`.
+/// Exact   joins smooth before stay within 1.5 degrees where whole numbers up to a unit further allow; with them
+/// closed,
+///         never farther from the area than plain rounding unless within 1e-6 of it, relative to `scale`.
 /// Throws  InvalidInput if the contours have not the same structure.
 struct RoundingGoal {
   double area = 0.0;   ///< wished signed area of the contour, square units
