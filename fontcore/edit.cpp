@@ -12,32 +12,78 @@ namespace fontcore {
 
 namespace {
 
-constexpr double moved_spans = 5.0;  // of a level: three neighbouring basis functions, each three spans wide
 constexpr double negligible = 1e-9;  // displacement, in lengths of the contour: below it a point stays, bit for bit
+
+constexpr double breadth_of_displacement = 8.0 / 3.0;  // over its integral, for a move of 1: five even spans
+
+// Direct manipulation moves degree + 1 neighbouring basis functions, each degree + 1 spans wide.
+constexpr double moved_spans(Scheme scheme) { return 2.0 * degree(scheme) + 1.0; }
+
+// The fractional level whose breadth is asked for, between those of integer levels: `breadth_at(down)` below the
+// finest.
+template <typename BreadthAt>
+double level_between(int levels, double breadth, const BreadthAt& breadth_at) {
+  if (!(breadth > 0.0)) throw InvalidInput(text("level_of_breadth: breadth ", breadth, " is not positive"));
+  double narrow = breadth_at(0);
+  if (breadth <= narrow) return levels;
+  for (int down = 1; down <= levels; ++down) {
+    const double broad = breadth_at(down);
+    if (breadth <= broad) return levels - down + (broad - breadth) / (broad - narrow);
+    narrow = broad;
+  }
+  return 0.0;
+}
+
+// Where the spans that direct manipulation at t moves begin, `down` levels below the finest, in parameters of the
+// finest.
+std::pair<double, double> moved_stretch(Scheme scheme, double t, int down) {
+  const double at = coarser_parameter(scheme, t, down);
+  const double middle = is_closed(scheme) ? std::floor(at + 0.5) : std::floor(at) + 0.5;
+  const double half = 0.5 * moved_spans(scheme);
+  return {finer_parameter(scheme, middle - half, down), finer_parameter(scheme, middle + half, down)};
+}
 
 }  // namespace
 
 double breadth_of_level(const OutlineCurve& curve, double t, int levels_down) {
-  if (moved_spans >= curve.size() >> levels_down) return curve.length();
-  const double middle = std::floor(coarser_parameter(t, levels_down) + 0.5);
-  return curve.arc_length(finer_parameter(middle - 0.5 * moved_spans, levels_down),
-                          finer_parameter(middle + 0.5 * moved_spans, levels_down));
+  if (moved_spans(Scheme::Chaikin) >= curve.size() >> levels_down) return curve.length();
+  const auto [from, to] = moved_stretch(Scheme::Chaikin, t, levels_down);
+  return curve.arc_length(from, to);
 }
 
 double level_of_breadth(const OutlineCurve& curve, double t, double breadth) {
-  if (!(breadth > 0.0)) throw InvalidInput(text("level_of_breadth: breadth ", breadth, " is not positive"));
-  const int finest = curve.levels();
-  int down = 0;  // of the narrow level below the finest
-  double narrow_breadth = breadth_of_level(curve, t, 0);
-  double broad_breadth = narrow_breadth;
-  for (; down < finest; ++down) {
-    broad_breadth = breadth_of_level(curve, t, down + 1);
-    if (breadth <= broad_breadth) break;
-    narrow_breadth = broad_breadth;
-  }
+  return level_between(curve.levels(), breadth, [&](int down) { return breadth_of_level(curve, t, down); });
+}
 
-  if (down == finest || breadth <= narrow_breadth) return finest - down;
-  return finest - down - 1 + (broad_breadth - breadth) / (broad_breadth - narrow_breadth);
+double level_of_breadth(const MultiresCurve& curve, double t, double breadth) {
+  const Scheme scheme = curve.scheme;
+  const Coefficients points = reconstruct(curve);
+  // Where speed varies within the moved stretch, its ends count as little as they move.
+  return level_between(curve.levels(), breadth, [&](int down) {
+    const MultiresCurve seen = from_level(curve, curve.levels() - down);
+    const double at = coarser_parameter(scheme, t, down);
+    const Coefficients weights = pull(scheme, seen.coarse.rows(), 0, at, 0.0).coarse;
+    const auto spans = static_cast<double>(detail_count(scheme, points.rows()));
+    auto [from, to] = moved_stretch(scheme, t, down);
+    if (!is_closed(scheme)) {
+      from = std::max(from, 0.0);
+      to = std::min(to, spans);
+    } else if (to - from > spans) {
+      to = from + spans;
+    }
+    constexpr double chords = 8.0;  // a span: a chord is 1e-3 short where the span turns by half a radian
+    const int steps = static_cast<int>(std::ceil(chords * (to - from)));
+    const double step = (to - from) / steps;
+    double sum = 0.0;
+    Eigen::RowVectorXd before = evaluate(scheme, points, from);
+    for (int k = 0; k < steps; ++k) {
+      const double middle = coarser_parameter(scheme, from + (k + 0.5) * step, down);
+      const Eigen::RowVectorXd here = evaluate(scheme, points, from + (k + 1) * step);
+      sum += std::abs(evaluate(scheme, weights, middle)[0]) * (here - before).norm();
+      before = here;
+    }
+    return breadth_of_displacement * sum;
+  });
 }
 
 Sweep sweep(const OutlineCurve& curve, double t, const Point& move, double breadth, Scheme scheme) {

@@ -29,7 +29,16 @@ Sweep sweep(const OutlineCurve& curve, double t, const Point& move, double bread
 
 /// The fractional level at which direct manipulation at parameter t moves a stretch of `breadth`: interpolated between
 /// the arc lengths that integer levels move, five spans, three basis functions of three spans each about t.
+///
+/// So the moved arc length, 8/3 of the integral of |displacement| / |move| over arc length, is the breadth within a
+/// fifth where the parameter is even, and grows with it.
+///
+/// Throws  InvalidInput if breadth is not positive.
+/// Source  [FS94] editing a desired portion of the curve.
 double level_of_breadth(const OutlineCurve& curve, double t, double breadth);
+/// The same for a bare curve of any scheme, however unevenly it is run through: breadth is the moved arc length of its
+/// own spline. Units   t at the finest level, as for `basis_row`.
+double level_of_breadth(const MultiresCurve& curve, double t, double breadth);
 
 /// Length of outline that direct manipulation at parameter t moves, at `levels_down` below the finest.
 double breadth_of_level(const OutlineCurve& curve, double t, int levels_down);

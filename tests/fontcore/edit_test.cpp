@@ -73,6 +73,53 @@ TEST_CASE("an integer level moves just the length it is asked for, and nothing b
   }
 }
 
+namespace {
+
+// A circle of length 4096 in 512 spans, run through at a speed that varies by `ratio`.
+MultiresCurve run_through(double ratio) {
+  Coefficients points(512, 2);
+  const double amount = (ratio - 1.0) / (ratio + 1.0);
+  for (int i = 0; i < 512; ++i) {
+    const double a = 2.0 * std::numbers::pi * i / 512.0;
+    const double angle = a + amount * std::sin(a);
+    points.row(i) << 652.0 * std::cos(angle), 652.0 * std::sin(angle);
+  }
+  return decompose(Scheme::Chaikin, points, 6);
+}
+
+// 8/3 of the integral of the displacement over arc length, for a move of 1.
+double moved_length(const MultiresCurve& curve, double t, double breadth) {
+  const Coefficients points = reconstruct(curve);
+  const double level = level_of_breadth(curve, t, breadth);
+  const Coefficients field = reconstruct(pull(curve.scheme, points.rows(), curve.levels(), t, level));
+  double sum = 0.0;
+  constexpr double step = 0.125;
+  for (double x = 0.0; x < 512.0; x += step) {
+    const double size = std::abs(evaluate(curve.scheme, field, x + 0.5 * step)[0]);
+    sum += size * (evaluate(curve.scheme, points, x + step) - evaluate(curve.scheme, points, x)).norm();
+  }
+  return 8.0 / 3.0 * sum;
+}
+
+}  // namespace
+
+TEST_CASE("the moved length grows with the breadth and is near it, evenly and unevenly run through", "[edit]") {
+  for (const auto& [ratio, within] : {std::pair{1.0, 1.2}, std::pair{10.0, 1.5}}) {
+    const MultiresCurve curve = run_through(ratio);
+    for (const double t : {0.0, 100.3, 256.0, 310.71}) {
+      double before = 0.0;
+      for (double breadth = 80.0; breadth < 2000.0; breadth *= 1.03) {
+        const double moved = moved_length(curve, t, breadth);
+        CHECK(moved >= before * (1.0 - 1e-9));
+        const double level = level_of_breadth(curve, t, breadth);
+        const bool is_reached = level > 0.0 && level < curve.levels();  // beyond, there is nothing broader or narrower
+        if (is_reached) CHECK(std::max(moved / breadth, breadth / moved) < within);
+        before = moved;
+      }
+    }
+  }
+}
+
 TEST_CASE("both members of a corner pair move alike, by the field's value at the corner", "[edit]") {
   const Sweep s = sweep(specimen(), 12.4, Point(24, -10), 700.0);
   const Points field = respect_corners(specimen(), s.field);
