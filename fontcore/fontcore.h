@@ -5,6 +5,7 @@
 #include "fontcore/error.h"
 #include "fontcore/contour.h"
 #include "fontcore/measure.h"
+#include "fontcore/alignment.h"
 #include "fontcore/crossing.h"
 #include "fontcore/wavelet.h"
 #include "fontcore/nonuniform.h"
