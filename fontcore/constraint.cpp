@@ -305,8 +305,8 @@ Rows outline_rows(const BezierContour& contour, const OutlineRules& rules) {
     const bool line_before = contour.degree(join.before_segment) == 1;
     const bool line_after = contour.degree(s) == 1;
     if (line_before && line_after) {
-      // A longer straight run, told apart from a bend of two lines by what a coordinate's rounding can do.
-      if (rules.lines && std::abs(turns[static_cast<std::size_t>(s)]) < straight_angle)
+      // A longer straight run; one that is not quite straight is carried along, no further bent.
+      if (rules.lines && std::abs(turns[static_cast<std::size_t>(s)]) < smooth_angle)
         append(all, rows(contour, NodeOnLine{s}));
       continue;
     }
@@ -320,11 +320,11 @@ Rows outline_rows(const BezierContour& contour, const OutlineRules& rules) {
     const double height = contour.points()(join.node, 1);
     const bool at_zone =
         std::any_of(rules.zones.begin(), rules.zones.end(), [&](double z) { return std::abs(z - height) < 1e-9; });
-    const bool level_before = std::abs(contour.points()(join.before_point, 1) - height) < 1e-9;
-    const bool level_after = std::abs(contour.points()(join.after_point, 1) - height) < 1e-9;
-    const bool flat =
-        (level_before && contour.degree(join.before_segment) == 1) || (level_after && contour.degree(s) == 1);
-    if (at_zone && (flat || (level_before && level_after))) append(all, rows(contour, Zone{s}));
+    // Flat, round, or an apex: the outline does not go on through the height.
+    const double before = contour.points()(join.before_point, 1) - height;
+    const double after = contour.points()(join.after_point, 1) - height;
+    if (at_zone && (before * after > 0.0 || std::min(std::abs(before), std::abs(after)) < 1e-9))
+      append(all, rows(contour, Zone{s}));
   }
   return all;
 }

@@ -103,6 +103,9 @@ Rows rows(const BezierContour& contour, const Position& rule);
 Rows rows(const BezierContour& contour, const Coincident& rule);
 Rows rows(const BezierContour& contour, const CornerTangents& rule);
 
+/// A join that turns by less is smooth and must stay so, radians (1.5 degrees).
+constexpr double smooth_angle = 0.026180;
+
 /// Which features of an outline are kept when its rules are gathered.
 struct OutlineRules {
   bool lines = true;

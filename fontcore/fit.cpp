@@ -17,7 +17,6 @@ constexpr int samples_per_segment = 9;
 constexpr double stiffness = 0.4;  // of the breadth: length over which a displacement's slope weighs as much as itself
 constexpr double shortest_stretch = 1e-3;  // of a segment: what a sample's stretch is at least taken for, at cusps
 constexpr double ridge = 1e-7;             // of the mean diagonal: keeps points without samples at rest
-constexpr double smooth_angle = 0.026180;  // 1.5 degrees: a join turning less is smooth and must stay so
 constexpr double most_throw = 3.0;         // a handle that throws a point further than this many moves is not forced
 constexpr double gentle_throw = 1.25;      // and one that throws none further than this needs no more room
 constexpr double landed = 1e-9;            // font units
@@ -316,6 +315,9 @@ class WholeNumbers {
       if (row.terms.size() == 2 && row.value == 0.0)
         parent[static_cast<std::size_t>(root(row.terms[0].variable))] = root(row.terms[1].variable);
     }
+    for (const Row& row : outline_rows(original, rules)) {  // zones: what is at one was so before the edit
+      if (row.terms.size() == 1) held[static_cast<std::size_t>(row.terms[0].variable)] = true;
+    }
     unknown_.assign(static_cast<std::size_t>(2 * n), -1);
     std::map<int, int> ids;
     for (int p = 0; p < n; ++p) {
@@ -391,15 +393,25 @@ class WholeNumbers {
   }
   double error(const std::vector<double>& value) const { return signed_area(contour(value)) - goal_.area; }
 
+  // Those of the node and of all points that may give its tangents: a handle may be drawn in onto it.
   std::vector<std::size_t> unknowns_of(int join) const {
     std::set<std::size_t> found;
-    const int before = edited_.previous(join);
-    for (const int p :
-         {edited_.point_of(before, edited_.degree(before) - 1), edited_.node(join), edited_.point_of(join, 1)}) {
+    const auto add = [&](int p) {
       for (int axis = 0; axis < 2; ++axis) {
         const int k = unknown_[static_cast<std::size_t>(2 * p + axis)];
         if (k >= 0) found.insert(static_cast<std::size_t>(k));
       }
+    };
+    const int before = edited_.previous(join);
+    const Point node = edited_.point(edited_.node(join));
+    add(edited_.node(join));
+    for (int k = edited_.degree(before) - 1; k >= 0; --k) {
+      add(edited_.point_of(before, k));
+      if (edited_.point(edited_.point_of(before, k)) != node) break;
+    }
+    for (int k = 1; k <= edited_.degree(join); ++k) {
+      add(edited_.point_of(join, k));
+      if (edited_.point(edited_.point_of(join, k)) != node) break;
     }
     return {found.begin(), found.end()};
   }
@@ -414,7 +426,8 @@ class WholeNumbers {
     for (const std::size_t j : which) {
       const Point a = end_tangent(here.segment(here.previous(joins_[j])));
       const Point b = start_tangent(here.segment(joins_[j]));
-      if (std::abs(std::atan2(a.x() * b.y() - a.y() * b.x(), a.dot(b))) > smooth_angle) result.insert(j);
+      const bool is_gone = a == Point::Zero() || b == Point::Zero();  // a segment that rounding left without length
+      if (is_gone || std::abs(std::atan2(a.x() * b.y() - a.y() * b.x(), a.dot(b))) > smooth_angle) result.insert(j);
     }
     return result;
   }

@@ -47,7 +47,7 @@ struct Keep {
   bool lines = true;
   bool smooth_joins = true;
   bool extrema = true;
-  bool zones_auto = true;     ///< the glyph's own lowest and highest nodes stay at their height
+  bool zones_auto = true;     ///< flat and round features at heights that the font's letters share keep them
   std::vector<double> zones;  ///< heights given by the recipe instead
   KeepArea area = KeepArea::Glyph;
 };

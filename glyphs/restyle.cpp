@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 
+#include "fontcore/alignment.h"
 #include "fontcore/crossing.h"
 #include "fontcore/edit.h"
 #include "fontcore/fit.h"
@@ -46,7 +47,7 @@ struct Attempt {
 
 class GlyphEditor {
  public:
-  GlyphEditor(const Font& font, const Glyph& glyph, const Recipe& recipe)
+  GlyphEditor(const Font& font, const Glyph& glyph, const Recipe& recipe, const std::vector<double>& zones)
       : font_(font),
         original_(glyph.contours),
         drawn_at_(glyph.origin, 0.0),
@@ -75,7 +76,8 @@ class GlyphEditor {
           high = std::max(high, contour.point(contour.node(s)).y());
         }
       }
-      rules_.zones = {low, high};
+      rules_.zones = zones;
+      rules_.zones.insert(rules_.zones.end(), {low, high});
     }
   }
 
@@ -345,7 +347,20 @@ std::string parts_of(const Font& font, const Glyph& glyph) {
 
 }  // namespace
 
-GlyphResult restyle_glyph(const Font& font, int id, const Recipe& recipe) {
+std::vector<double> alignment_zones(const Font& font) {
+  std::vector<Contours> shapes;
+  for (const auto& [first, last] : {std::pair{U'0', U'9'}, std::pair{U'A', U'Z'}, std::pair{U'a', U'z'}}) {
+    for (char32_t character = first; character <= last; ++character) {
+      const auto found = font.character_map.find(character);
+      if (found == font.character_map.end()) continue;
+      const Glyph& glyph = font.glyphs[static_cast<std::size_t>(found->second)];
+      if (glyph.trouble.empty() && !glyph.contours.empty()) shapes.push_back(glyph.contours);
+    }
+  }
+  return heights(fontcore::find_zones(shapes, font.units_per_em));
+}
+
+GlyphResult restyle_glyph(const Font& font, int id, const Recipe& recipe, const std::vector<double>& zones) {
   const Glyph& glyph = font.glyphs.at(static_cast<std::size_t>(id));
   GlyphResult result{glyph.contours, glyph.contours, {}};
   GlyphReport& report = result.report;
@@ -356,7 +371,7 @@ GlyphResult restyle_glyph(const Font& font, int id, const Recipe& recipe) {
   try {
     if (!glyph.trouble.empty()) throw Refusal{glyph.trouble};
     if (glyph.is_composite()) throw Refusal{"it is a composite; edit its parts: " + parts_of(font, glyph)};
-    GlyphEditor editor(font, glyph, recipe);
+    GlyphEditor editor(font, glyph, recipe, zones);
     if (!editor.has_work() || glyph.contours.empty()) return result;
 
     const auto before = find_crossings(glyph.contours);
@@ -452,10 +467,12 @@ RestyleResult restyle(const Font& font, const Recipe& recipe, const RestyleOptio
                           std::back_inserter(both));
     selected = std::move(both);
   }
+  const bool finds_zones = recipe.keep.zones_auto && !recipe.steps.empty() && !selected.empty();
+  const std::vector<double> zones = finds_zones ? alignment_zones(font) : std::vector<double>{};
   std::vector<GlyphResult> results(selected.size());
   run_jobs(static_cast<int>(selected.size()), options.jobs, [&](int i) {
     const auto k = static_cast<std::size_t>(i);
-    results[k] = restyle_glyph(font, selected[k], recipe);
+    results[k] = restyle_glyph(font, selected[k], recipe, zones);
   });
 
   RestyleResult result;

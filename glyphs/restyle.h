@@ -54,7 +54,12 @@ struct GlyphResult {
   std::vector<fontcore::BezierContour> unrounded;
   GlyphReport report;
 };
-GlyphResult restyle_glyph(const Font& font, int glyph, const Recipe& recipe);
+/// `zones` are heights that the font's letters share; the glyph's own lowest and highest nodes are added if the recipe
+/// says "auto".
+GlyphResult restyle_glyph(const Font& font, int glyph, const Recipe& recipe, const std::vector<double>& zones = {});
+
+/// Heights of the alignment zones of a font, flat and overshoot, found from its Latin letters and figures.
+std::vector<double> alignment_zones(const Font& font);
 
 struct RestyleOptions {
   JobOptions jobs;
