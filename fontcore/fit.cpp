@@ -18,6 +18,7 @@ constexpr double stiffness = 0.4;  // of the breadth: length over which a displa
 constexpr double shortest_stretch = 1e-3;  // of a segment: what a sample's stretch is at least taken for, at cusps
 constexpr double ridge = 1e-7;             // of the mean diagonal: keeps points without samples at rest
 constexpr double most_throw = 3.0;         // a handle that throws a point further than this many moves is not forced
+constexpr double most_throw_pinned = 10.0;  // the same of a handle that must land
 constexpr double gentle_throw = 1.25;      // and one that throws none further than this needs no more room
 constexpr double landed = 1e-9;            // font units
 
@@ -133,7 +134,8 @@ std::vector<bool> released_segments(const OutlineCurve& curve, const StructureEd
   return released;
 }
 
-RowElimination eliminate(const BezierContour& contour, const std::vector<bool>& released, const OutlineRules& rules) {
+RowElimination eliminate(const BezierContour& contour, const std::vector<bool>& released, const Rows& further,
+                         const OutlineRules& rules) {
   RowElimination rows(static_cast<int>(2 * contour.point_count()));
   std::vector<bool> free(static_cast<std::size_t>(contour.point_count()), true);
   for (int s = 0; s < contour.segment_count(); ++s) {
@@ -143,6 +145,7 @@ RowElimination eliminate(const BezierContour& contour, const std::vector<bool>& 
   for (int p = 0; p < contour.point_count(); ++p) {
     if (!free[static_cast<std::size_t>(p)]) rows.add(fontcore::rows(contour, FrozenPoint{p}));
   }
+  rows.add(further);
   rows.add(outline_rows(contour, rules));
   return rows;
 }
@@ -190,8 +193,11 @@ HandledSolution solve_with_handle(const OutlineCurve& curve, const StructureEdit
     add_names(result.against, {names.begin() + 1, names.end()});
   }
   result.solution = solve(with_handle);
+  const bool is_pinned = edit.handle_move == HandleMove::Pinned;
   const double reach = largest(result.solution.displacement);
-  if (result.solution.report.failed.empty() && reach <= most_throw * edit.move.norm()) return result;
+  const double most = (is_pinned ? most_throw_pinned : most_throw) * edit.move.norm();
+  if (result.solution.report.failed.empty() && reach <= most) return result;
+  if (is_pinned && !result.against.empty()) return result;
   // The area, or rules that leave the handle only a long lever.
   const std::string reason =
       !result.solution.report.failed.empty()
@@ -215,7 +221,8 @@ Reached solve_within(const OutlineCurve& curve, const StructureEdit& edit, const
   Reached result{{}, wish_system(curve, edit, released), {}};
   OutlineRules rules = edit.rules;
   for (int round = 0; round < 3; ++round) {
-    HandledSolution next = solve_with_handle(curve, edit, result.system, eliminate(contour, released, rules));
+    HandledSolution next =
+        solve_with_handle(curve, edit, result.system, eliminate(contour, released, edit.rows, rules));
     if (round > 0 && (!next.solution.report.failed.empty() || next.against.size() > result.handled.against.size()))
       break;
     result.handled = std::move(next);
@@ -266,6 +273,11 @@ StructureFit refit_structure(const OutlineCurve& curve, const StructureEdit& edi
   }
   const HandledSolution& handled = best->handled;
   const WishSystem& system = best->system;
+  if (edit.handle_move == HandleMove::Pinned && !handled.against.empty()) {
+    std::string names;
+    for (const std::string& name : handled.against) names += (names.empty() ? "" : "; ") + name;
+    throw UnsatisfiableConstraints("refit_structure: against the pinned handle stands: " + names);
+  }
 
   StructureFit fit{best->contour, handled.solution.report, Point::Zero(), {}, 0.0};
   if (edit.handle) {

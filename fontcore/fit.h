@@ -15,6 +15,7 @@ namespace fontcore {
 enum class HandleMove {
   Forced,  ///< a pair of rows, wherever rules and area let it
   Wished,  ///< part of the wish, like the rest of the field
+  Pinned,  ///< a pair of rows that must hold: what contradicts it is an error
 };
 
 /// What a structure-preserving edit is to reach, and within what.
@@ -25,6 +26,7 @@ struct StructureEdit {
   HandleMove handle_move = HandleMove::Forced;
   double breadth = 0.0;  ///< of the edit; segments further along the outline than twice this keep their bits
   OutlineRules rules;
+  Rows rows;                   ///< further rules on the outline's points, taken before those
   std::optional<double> area;  ///< signed area the contour is to have
 };
 
@@ -47,7 +49,9 @@ struct StructureFit {
 /// smooth joins that the edit would open are closed.
 ///
 /// Exact   rows to rounding; area to 1e-12 relative unless `report.failed` says otherwise; segments not released, bit
-/// for bit. Source  DESIGN, "And one consequence".
+///         for bit.
+/// Throws  UnsatisfiableConstraints naming the rules that a pinned handle contradicts.
+/// Source  DESIGN, "And one consequence".
 StructureFit refit_structure(const OutlineCurve& curve, const StructureEdit& edit);
 
 /// Whole-number coordinates near an outline's, and what they cost.

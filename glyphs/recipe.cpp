@@ -68,6 +68,14 @@ class ObjectReader {
     for (const std::string& choice : choices) list += (list.empty() ? "\"" : ", \"") + choice + "\"";
     fail(key, "\"" + value + "\" is not one of " + list);
   }
+  std::optional<int> take_contour() {
+    if (!has("contour")) return {};
+    const Json& index = take("contour");
+    if (!index.is_number_integer() || index.get<std::int64_t>() < 0 || index.get<std::int64_t>() > 65535) {
+      fail("contour", "must be a whole number from 0");
+    }
+    return index.get<int>();
+  }
   void finish() const {
     for (const auto& [key, value] : object_.items()) {
       if (!taken_.contains(key)) fail(key, "unknown key");
@@ -88,6 +96,7 @@ Step read_sweep(ObjectReader& reader) {
   step.move = reader.take_point("move");
   step.breadth = reader.take_number("breadth");
   if (!(step.breadth > 0.0)) reader.fail("breadth", "must be positive");
+  step.pin = reader.take_flag("pin", false);
   return step;
 }
 
@@ -123,14 +132,7 @@ Step read_step(const Json& json, const std::string& path) {
   if (op == "character" || op == "weight" || op.empty()) reader.fail("op", "\"" + op + "\" " + later);
   Step step = op == "sweep" ? read_sweep(reader) : op == "smooth" ? read_smooth(reader) : read_equalize(reader);
   const std::string glyph = reader.take_text("glyph", "");
-  std::optional<int> contour;
-  if (reader.has("contour")) {
-    const Json& index = reader.take("contour");
-    if (!index.is_number_integer() || index.get<std::int64_t>() < 0 || index.get<std::int64_t>() > 65535) {
-      reader.fail("contour", "must be a whole number from 0");
-    }
-    contour = index.get<int>();
-  }
+  const std::optional<int> contour = reader.take_contour();
   std::visit(
       [&](auto& any) {
         any.glyph = glyph;
@@ -139,6 +141,27 @@ Step read_step(const Json& json, const std::string& path) {
       step);
   reader.finish();
   return step;
+}
+
+Freeze read_freeze(const Json& json, const std::string& path) {
+  ObjectReader reader(json, path);
+  Freeze freeze;
+  freeze.glyph = reader.take_text("glyph", "");
+  freeze.contour = reader.take_contour();
+  if (reader.has("box")) {
+    const Json& box = reader.take("box");
+    const bool fits = box.is_array() && box.size() == 4 &&
+                      std::all_of(box.begin(), box.end(), [](const Json& number) { return number.is_number(); });
+    if (!fits) reader.fail("box", "must be four numbers, [left, bottom, right, top]");
+    freeze.box.emplace();
+    freeze.box->add(Point(box[0].get<double>(), box[1].get<double>()));
+    freeze.box->add(Point(box[2].get<double>(), box[3].get<double>()));
+  } else {
+    const Point from = reader.take_point("from");
+    freeze.stretch.emplace(from, reader.take_point("to"));
+  }
+  reader.finish();
+  return freeze;
 }
 
 Keep read_keep(const Json& json) {
@@ -166,7 +189,9 @@ Keep read_keep(const Json& json) {
   if (reader.has("freeze")) {
     const Json& freeze = reader.take("freeze");
     if (!freeze.is_array()) reader.fail("freeze", "must be a list");
-    if (!freeze.empty()) reader.fail("freeze", later);
+    for (std::size_t k = 0; k < freeze.size(); ++k) {
+      keep.freeze.push_back(read_freeze(freeze[k], text("keep.freeze[", k, "]")));
+    }
   }
   reader.finish();
   return keep;

@@ -7,6 +7,7 @@
 
 #include "fontcore/contour.h"
 #include "fontcore/edit.h"
+#include "fontcore/measure.h"
 #include "glyphs/font.h"
 
 namespace glyphs {
@@ -18,6 +19,7 @@ struct SweepStep {
   fontcore::Point near{0, 0};  ///< the nearest point of the outline is the handle, font units
   fontcore::Point move{0, 0};  ///< where the handle is to go, font units
   double breadth = 0.0;        ///< length of outline that the edit moves, font units
+  bool pin = false;            ///< the handle must land: what rules do not allow refuses the glyph
 };
 
 /// Takes away features shorter than a scale. Corners and straight arcs stay; with Keep::corners false, corners are
@@ -41,6 +43,14 @@ using Step = std::variant<SweepStep, SmoothStep, EqualizeStep>;
 enum class KeepArea { Glyph, Contour, None };
 enum class OnCrossing { Reduce, Refuse, Allow };
 
+/// A stretch of outline that no step moves.
+struct Freeze {
+  std::string glyph;           ///< name or code point; empty: every selected glyph
+  std::optional<int> contour;  ///< none: that nearest to where the stretch begins
+  std::optional<std::pair<fontcore::Point, fontcore::Point>> stretch;  ///< near both ends, from the first forward
+  std::optional<fontcore::Box> box;  ///< or all that has a part in a box, of every contour
+};
+
 /// What must hold while steps are applied.
 struct Keep {
   bool corners = true;
@@ -50,6 +60,7 @@ struct Keep {
   bool zones_auto = true;     ///< flat and round features at heights that the font's letters share keep them
   std::vector<double> zones;  ///< heights given by the recipe instead
   KeepArea area = KeepArea::Glyph;
+  std::vector<Freeze> freeze;
 };
 
 /// A recipe as a value: which glyphs, which steps, what holds, how it is emitted.

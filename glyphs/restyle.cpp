@@ -54,14 +54,19 @@ class GlyphEditor {
         recipe_(recipe),
         curves_(original_.size()) {
     const double unit = recipe.lengths_in_thousandths ? font.units_per_em / 1000.0 : 1.0;
+    // Names are unique; only what is no name needs the font.
+    const auto is_about_this = [&](const std::string& about) {
+      return about.empty() || about == glyph.name ||
+             (about.find_first_of("+:@,") != std::string::npos &&
+              select_glyphs(font, about) == std::vector<int>{glyph.id});
+    };
     for (const Step& step : recipe.steps) {
       const std::string& about = std::visit([](const auto& any) -> const std::string& { return any.glyph; }, step);
-      // Names are unique; only what is no name needs the font.
-      const bool is_this = about.empty() || about == glyph.name ||
-                           (about.find_first_of("+:@,") != std::string::npos &&
-                            select_glyphs(font, about) == std::vector<int>{glyph.id});
-      if (!is_this) continue;
-      std::visit([&](const auto& any) { place(any, unit); }, step);
+      if (is_about_this(about)) std::visit([&](const auto& any) { place(any, unit); }, step);
+    }
+    frozen_.resize(original_.size());
+    for (const Freeze& freeze : recipe.keep.freeze) {
+      if (is_about_this(freeze.glyph) && has_work()) place(freeze, unit);
     }
     rules_.lines = recipe.keep.lines;
     rules_.smooth_joins = recipe.keep.smooth_joins;
@@ -82,6 +87,12 @@ class GlyphEditor {
   }
 
   bool has_work() const { return !steps_.empty(); }
+  bool has_pin() const {
+    return std::any_of(steps_.begin(), steps_.end(), [](const PlacedStep& placed) {
+      const auto* const sweep = std::get_if<SweepStep>(&placed.step);
+      return sweep != nullptr && sweep->pin;
+    });
+  }
 
   Attempt attempt(double amount, fontcore::HandleMove handle_move = fontcore::HandleMove::Forced) {
     handle_move_ = handle_move;
@@ -122,6 +133,28 @@ class GlyphEditor {
     for (std::size_t k = 0; k < original_.size(); ++k) {  // what has no inside is carried through
       if (has_inside(original_[k])) steps_.push_back({step, static_cast<int>(k)});
     }
+  }
+  void place(const Freeze& freeze, double unit) {
+    const auto on_glyph = [&](const Point& p) -> Point { return p * unit + drawn_at_; };
+    const auto add = [&](int contour, const fontcore::FrozenStretch& stretch) {
+      fontcore::Rows& rows = frozen_[static_cast<std::size_t>(contour)];
+      for (fontcore::Row& row : fontcore::rows(stretch)) rows.push_back(std::move(row));
+    };
+    if (freeze.box) {
+      fontcore::Box box;
+      box.add(on_glyph(freeze.box->low));
+      box.add(on_glyph(freeze.box->high));
+      for (int c = 0; c < static_cast<int>(original_.size()); ++c) {
+        if (freeze.contour.value_or(c) == c) add(c, frozen_within(original_[static_cast<std::size_t>(c)], box));
+      }
+      return;
+    }
+    const Point from = on_glyph(freeze.stretch->first);
+    const int contour = freeze.contour ? checked(*freeze.contour) : nearest_contour(from);
+    const BezierContour& outline = original_[static_cast<std::size_t>(contour)];
+    const auto start = fontcore::nearest_point(outline, from);
+    const auto end = fontcore::nearest_point(outline, on_glyph(freeze.stretch->second));
+    add(contour, frozen_between(outline, {start.segment, start.u}, {end.segment, end.u}));
   }
   int checked(int contour) const {
     const int count = static_cast<int>(original_.size());
@@ -177,7 +210,7 @@ class GlyphEditor {
     edit.field = recipe_.keep.corners ? respect_corners(curve, sweep.field) : sweep.field;
     edit.handle = fontcore::OutlineCurve::Location{segment, u};
     edit.move = amount * step.move;
-    edit.handle_move = handle_move_;
+    edit.handle_move = step.pin ? fontcore::HandleMove::Pinned : handle_move_;
     edit.breadth = step.breadth;
     report.op = "sweep";
     report.handle = evaluate(contour.segment(segment), u) - drawn_at_;
@@ -212,6 +245,7 @@ class GlyphEditor {
     std::visit([&](const auto& step) { wish(step, amount, curve, edit, report); }, placed.step);
     if (edit.field.isZero(0.0)) return report;
     edit.rules = rules_;
+    edit.rows = frozen_[static_cast<std::size_t>(placed.contour)];
     // Every step gives its own area back, so glyph and contour ask the same of it; they differ in rounding.
     if (recipe_.keep.area != KeepArea::None)
       edit.area = signed_area(original_[static_cast<std::size_t>(placed.contour)]);
@@ -264,6 +298,7 @@ class GlyphEditor {
   fontcore::HandleMove handle_move_ = fontcore::HandleMove::Forced;
   std::vector<PlacedStep> steps_;
   fontcore::OutlineRules rules_;
+  std::vector<fontcore::Rows> frozen_;  // per contour
   std::vector<std::optional<fontcore::OutlineCurve>> curves_;
 };
 
@@ -380,6 +415,7 @@ GlyphResult restyle_glyph(const Font& font, int id, const Recipe& recipe, const 
     Attempt best = editor.attempt(1.0);
     if (recipe.on_crossing != OnCrossing::Allow && added(best) > 0) {
       if (recipe.on_crossing == OnCrossing::Refuse) throw Refusal{text("crossings that the edit adds: ", added(best))};
+      if (editor.has_pin()) throw Refusal{text("crossings that the pinned move adds: ", added(best))};
       best = reduced(editor, Attempt{glyph.contours, glyph.contours, best.steps}, added, report);
     }
     report.crossings_after = static_cast<int>(find_crossings(best.rounded).size());
@@ -426,33 +462,34 @@ int RestyleResult::refused() const {
 
 namespace {
 
-// A step that names a glyph must find it, and its contour, among the selected ones: anything else is a slip of the
-// recipe.
-void check_steps(const Font& font, const Recipe& recipe, const std::vector<int>& selected) {
+// A step or a frozen stretch that names a glyph must find it, and its contour, among the selected ones: anything else
+// is a slip of the recipe.
+void check_named(const Font& font, const std::vector<int>& selected, const std::string& key,
+                 const std::string& glyph_name, std::optional<int> contour) {
+  if (glyph_name.empty()) return;
+  const std::vector<int> named = select_glyphs(font, glyph_name);
+  if (named.size() != 1) {
+    throw RequestError(text(key, ".glyph: \"", glyph_name, "\" names ", named.size(), " glyphs, not one"));
+  }
+  if (!std::binary_search(selected.begin(), selected.end(), named[0])) {
+    throw RequestError(text(key, ".glyph: \"", glyph_name, "\" is not among the recipe's glyphs"));
+  }
+  const Glyph& glyph = font.glyphs[static_cast<std::size_t>(named[0])];
+  const int contours = static_cast<int>(glyph.contours.size());
+  if (contour && !glyph.is_composite() && *contour >= contours) {
+    throw RequestError(text(font.path, ": ", glyph.name, ": ", key, ".contour: there is no contour ", *contour,
+                            ", it has ", contours));
+  }
+}
+
+void check_recipe(const Font& font, const Recipe& recipe, const std::vector<int>& selected) {
   for (std::size_t k = 0; k < recipe.steps.size(); ++k) {
-    struct {
-      std::string glyph;
-      std::optional<int> contour;
-    } step;
-    std::visit(
-        [&](const auto& any) {
-          step.glyph = any.glyph;
-          step.contour = any.contour;
-        },
-        recipe.steps[k]);
-    if (step.glyph.empty()) continue;
-    const std::vector<int> named = select_glyphs(font, step.glyph);
-    if (named.size() != 1)
-      throw RequestError(text("steps[", k, "].glyph: \"", step.glyph, "\" names ", named.size(), " glyphs, not one"));
-    if (!std::binary_search(selected.begin(), selected.end(), named[0])) {
-      throw RequestError(text("steps[", k, "].glyph: \"", step.glyph, "\" is not among the recipe's glyphs"));
-    }
-    const Glyph& glyph = font.glyphs[static_cast<std::size_t>(named[0])];
-    const int contours = static_cast<int>(glyph.contours.size());
-    if (step.contour && !glyph.is_composite() && *step.contour >= contours) {
-      throw RequestError(text(font.path, ": ", glyph.name, ": steps[", k, "].contour: there is no contour ",
-                              *step.contour, ", it has ", contours));
-    }
+    std::visit([&](const auto& step) { check_named(font, selected, text("steps[", k, "]"), step.glyph, step.contour); },
+               recipe.steps[k]);
+  }
+  for (std::size_t k = 0; k < recipe.keep.freeze.size(); ++k) {
+    const Freeze& freeze = recipe.keep.freeze[k];
+    check_named(font, selected, text("keep.freeze[", k, "]"), freeze.glyph, freeze.contour);
   }
 }
 
@@ -460,7 +497,7 @@ void check_steps(const Font& font, const Recipe& recipe, const std::vector<int>&
 
 RestyleResult restyle(const Font& font, const Recipe& recipe, const RestyleOptions& options) {
   std::vector<int> selected = select_glyphs(font, recipe.glyphs);
-  check_steps(font, recipe, selected);
+  check_recipe(font, recipe, selected);
   if (options.only) {
     std::vector<int> both;
     std::set_intersection(selected.begin(), selected.end(), options.only->begin(), options.only->end(),

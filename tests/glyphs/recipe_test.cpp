@@ -101,8 +101,14 @@ TEST_CASE("unknown and repeated keys, wrong types and what cannot be honoured ar
         "r.json: steps[0].op: \"swep\" is not one of \"sweep\", \"smooth\", \"equalize\", \"character\", \"weight\"");
   CHECK(refusal(R"({"steps": [], "keep": {"length": true}})") ==
         "r.json: keep.length: is not in this version of glyphwave");
-  CHECK(refusal(R"({"steps": [], "keep": {"freeze": [{"glyph": "a"}]}})") ==
-        "r.json: keep.freeze: is not in this version of glyphwave");
+  const auto freeze = [](const std::string& entry) {
+    return refusal(R"({"steps": [], "keep": {"freeze": [)" + entry + "]}}");
+  };
+  CHECK(freeze(R"({"glyph": "a", "contour": 0, "from": [1, 2], "to": [3, 4]})").empty());
+  CHECK(freeze(R"({"box": [0, 0, 100, 200]})").empty());
+  CHECK(freeze(R"({"glyph": "a"})") == "r.json: keep.freeze[0].from: is missing");
+  CHECK(freeze(R"({"box": [0, 0]})") == "r.json: keep.freeze[0].box: must be four numbers, [left, bottom, right, top]");
+  CHECK(freeze(R"({"box": [0, 0, 1, 1], "from": [1, 2]})") == "r.json: keep.freeze[0].from: unknown key");
   CHECK(refusal(R"({"steps": [], "keep": {"area": "all"}})") ==
         "r.json: keep.area: \"all\" is not one of \"glyph\", \"contour\", \"none\"");
   CHECK(refusal(R"({"steps": [], "keep": {"zones": 7}})") ==

@@ -289,6 +289,66 @@ TEST_CASE("corners are rounded as far as the outline's own points can follow, an
   }
 }
 
+TEST_CASE("a frozen stretch keeps its bits, by its ends or by a box", "[restyle]") {
+  const Font font = load_font(bundled_ttf[0]);
+  const Glyph& glyph = font.glyphs[static_cast<std::size_t>(font.find("o"))];
+  const fontcore::BezierContour& outer = glyph.contours[0];
+  const fontcore::Box box = fontcore::control_box(outer);
+  const Point middle = 0.5 * (box.low + box.high);
+  Recipe recipe = recipe_of(step_at({box.high.x(), middle.y()}, {40, 0}, 4000));
+  const auto kept_on_the_left = [&](const GlyphResult& result) {
+    int kept = 0;
+    for (int i = 0; i < outer.point_count(); ++i) {
+      if (outer.point(i).x() < box.low.x() + 60 && result.contours[0].point(i) == outer.point(i)) ++kept;
+    }
+    return kept;
+  };
+  int on_the_left = 0;
+  for (int i = 0; i < outer.point_count(); ++i) on_the_left += outer.point(i).x() < box.low.x() + 60 ? 1 : 0;
+  REQUIRE(on_the_left >= 3);
+  CHECK(kept_on_the_left(restyle_glyph(font, glyph.id, recipe)) < on_the_left);
+
+  fontcore::Box left;
+  left.add(box.low - Point(1, 1));
+  left.add(Point(box.low.x() + 60, box.high.y() + 1));
+  recipe.keep.freeze = {Freeze{.box = left}};
+  const GlyphResult boxed = restyle_glyph(font, glyph.id, recipe);
+  CHECK(boxed.report.refused.empty());
+  CHECK(boxed.report.changed);
+  CHECK(kept_on_the_left(boxed) == on_the_left);
+  CHECK(std::abs(boxed.report.area_unrounded / boxed.report.area_before - 1.0) < 1e-9);
+
+  // The whole contour, from a place round to itself: nothing moves.
+  recipe.keep.freeze = {Freeze{.glyph = "o", .contour = 0, .stretch = std::pair{box.low, box.low}}};
+  const GlyphResult whole = restyle_glyph(font, glyph.id, recipe);
+  CHECK(whole.contours[0] == outer);
+  recipe.keep.freeze[0].glyph = "nosuchglyph";
+  CHECK_THROWS_AS(restyle(font, recipe), RequestError);
+}
+
+TEST_CASE("a pinned handle lands, or its glyph is refused with the rules that stand against it", "[restyle]") {
+  const Font font = load_font(bundled_ttf[0]);
+  const Glyph& glyph = font.glyphs[static_cast<std::size_t>(font.find("o"))];
+  const fontcore::Box box = fontcore::control_box(glyph.contours[0]);
+  const Point right(box.high.x(), 0.5 * (box.low + box.high).y());
+  SweepStep step = step_at(right, {35, 0}, 2500);
+  step.pin = true;
+  const GlyphResult landed = restyle_glyph(font, glyph.id, recipe_of(step));
+  CHECK(landed.report.refused.empty());
+  CHECK((landed.report.steps[0].got - Point(35, 0)).norm() < 1e-9);
+
+  // The top of an o lies at a zone.
+  const fontcore::BezierContour& outer = glyph.contours[0];
+  for (int i = 0; i < outer.point_count(); ++i) {
+    if (outer.kind(i) == fontcore::PointKind::Node && outer.point(i).y() == box.high.y()) step.near = outer.point(i);
+  }
+  step.move = {0, 30};
+  const GlyphResult refused = restyle_glyph(font, glyph.id, recipe_of(step));
+  CHECK_THAT(refused.report.refused,
+             Catch::Contains("against the pinned handle stands: ") && Catch::Contains("stays at zone y = "));
+  CHECK(refused.contours == glyph.contours);
+}
+
 TEST_CASE("composites are refused with the parts to edit instead", "[restyle]") {
   const Font font = load_font(bundled_ttf[0]);
   Recipe recipe = recipe_of(step_at({300, 300}, {20, 0}, 500));
