@@ -3,8 +3,10 @@
 #include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <cmath>
+#include <complex>
 #include <numbers>
 
+#include "fontcore/constraint.h"
 #include "fontcore/error.h"
 #include "fontcore/wavelet.h"
 
@@ -86,15 +88,59 @@ double level_of_breadth(const MultiresCurve& curve, double t, double breadth) {
   });
 }
 
-Sweep sweep(const OutlineCurve& curve, double t, const Point& move, double breadth, Scheme scheme) {
-  if (!is_closed(scheme)) throw InvalidInput("sweep: an outline is closed, the scheme is not");
+MultiresCurve carry_details(const MultiresCurve& curve, int level, const CoefficientsView& coarse, DetailFrame frame) {
+  MultiresCurve result = from_level(curve, level);
+  if (coarse.rows() != result.coarse.rows() || coarse.cols() != result.coarse.cols() || coarse.cols() < 2) {
+    throw InvalidInput(text("carry_details: ", coarse.rows(), "×", coarse.cols(), " control points at level ", level,
+                            ", where the curve has ", result.coarse.rows(), "×", result.coarse.cols()));
+  }
+  Coefficients before = result.coarse;
+  result.coarse = coarse;
+  if (frame == DetailFrame::Fixed) return result;
+  Coefficients after = coarse;
+  for (Coefficients& detail : result.details) {
+    const Coefficients was = detail;
+    const Points old_points = before.leftCols<2>();
+    const Points new_points = after.leftCols<2>();
+    for (Eigen::Index k = 0; k < detail.rows(); ++k) {
+      const double t = static_cast<double>(k) + (is_closed(curve.scheme) ? 0.0 : 0.5);  // the wavelet's middle
+      const Point from = curve_at(curve.scheme, old_points, t, 1).value;
+      const Point to = curve_at(curve.scheme, new_points, t, 1).value;
+      if (from == Point::Zero() || to == Point::Zero()) continue;
+      std::complex<double> turn = std::complex(to.x(), to.y()) / std::complex(from.x(), from.y());
+      if (frame == DetailFrame::Tangent) turn /= std::abs(turn);
+      const std::complex<double> turned = turn * std::complex(was(k, 0), was(k, 1));
+      detail(k, 0) = turned.real();
+      detail(k, 1) = turned.imag();
+    }
+    before = synthesize(curve.scheme, before, was);
+    after = synthesize(curve.scheme, after, detail);
+  }
+  return result;
+}
+
+Sweep sweep(const OutlineCurve& curve, double t, const Point& move, double breadth, const SweepOptions& options) {
+  if (!is_closed(options.scheme)) throw InvalidInput("sweep: an outline is closed, the scheme is not");
   if (!std::isfinite(t) || !move.allFinite()) {
     throw InvalidInput(text("sweep: a move by ", move.x(), ", ", move.y(), " at parameter ", t));
   }
   const double level = level_of_breadth(curve, t, breadth);
-  Eigen::VectorXd weights = reconstruct(pull(scheme, curve.size(), curve.levels(), t, level));
+  Eigen::VectorXd weights = reconstruct(pull(options.scheme, curve.size(), curve.levels(), t, level));
   weights = (weights.array().abs() * move.norm() < negligible * curve.length()).select(0.0, weights);
-  return {weights * move.transpose(), t, level};
+  Sweep result{weights * move.transpose(), t, level};
+  if (options.detail == DetailFrame::Fixed) return result;
+
+  const int seen = static_cast<int>(std::ceil(level));  // the sweep itself is all in its control points
+  const MultiresCurve before = decompose(options.scheme, curve.control_points(), curve.levels());
+  const MultiresCurve change = from_level(decompose(options.scheme, result.field, curve.levels()), seen);
+  const Coefficients coarse = from_level(before, seen).coarse + change.coarse;
+  result.field = reconstruct(carry_details(before, seen, coarse, options.detail)) - curve.control_points();
+  for (Eigen::Index i = 0; i < result.field.rows(); ++i) {
+    if (weights[i] == 0.0 && result.field.row(i).norm() < negligible * curve.length()) result.field.row(i).setZero();
+  }
+  const Point missed = move - evaluate(options.scheme, result.field, t).transpose();
+  result.field += weights * missed.transpose();
+  return result;
 }
 
 Points respect_corners(const OutlineCurve& curve, Points field) {

@@ -15,17 +15,42 @@ struct Sweep {
   double level = 0.0;  ///< fractional level j + t: wavelet details finer than level ceil(j + t) are 0
 };
 
+/// How details ride on a curve whose coarse shape is edited.
+enum class DetailFrame {
+  Fixed,          ///< they keep their x and y
+  Tangent,        ///< they turn with the tangent of the coarser curve
+  ScaledTangent,  ///< they turn with it and grow with its length
+};
+
+/// The curve with other control points at a level, its finer details carried along in their frames.
+///
+/// Every detail is kept in the tangent and normal of the coarser curve where its wavelet is centred, level by level
+/// from coarse to fine. With DetailFrame::Fixed, or where a coarser tangent is 0, it stays as it is. Columns beyond x
+/// and y ride along unturned.
+///
+/// Shape   coarse as the control points of `level`; the result has `level` as its coarsest, like `from_level`.
+/// Exact   a rotation of all coarse points turns the whole curve; with ScaledTangent so does any similarity.
+/// Throws  InvalidInput if the level is not in [0, levels] or the shape differs.
+/// Source  [FS94] orientation of detail; unit tangents there are Tangent here.
+MultiresCurve carry_details(const MultiresCurve& curve, int level, const CoefficientsView& coarse, DetailFrame frame);
+
+struct SweepOptions {
+  Scheme scheme = Scheme::Chaikin;
+  DetailFrame detail = DetailFrame::Fixed;
+};
+
 /// Direct manipulation at a fractional level: the outline's point at parameter t is moved by `move`, and a stretch of
 /// about `breadth` follows.
 ///
 /// It is `pull` at `level_of_breadth`. Chaikin's is local; Orthogonal reaches everywhere, decaying, and what is below
-/// 1e-9 of the contour's length is 0.
+/// 1e-9 of the contour's length is 0. Details finer than the level ride along as `options.detail` says; where they
+/// turn, the handle is met by a second, small pull.
 ///
 /// Shape   field N×2.
 /// Units   font units.
 /// Throws  InvalidInput if breadth is not positive, t or the move not finite, or the scheme is for open arcs.
 /// Source  [FS94] editing at fractional levels, direct manipulation, editing a desired portion of the curve.
-Sweep sweep(const OutlineCurve& curve, double t, const Point& move, double breadth, Scheme scheme = Scheme::Chaikin);
+Sweep sweep(const OutlineCurve& curve, double t, const Point& move, double breadth, const SweepOptions& options = {});
 
 /// The fractional level at which direct manipulation at parameter t moves a stretch of `breadth`: interpolated between
 /// the arc lengths that integer levels move, five spans, three basis functions of three spans each about t.

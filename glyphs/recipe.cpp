@@ -97,6 +97,9 @@ Step read_sweep(ObjectReader& reader) {
   step.breadth = reader.take_number("breadth");
   if (!(step.breadth > 0.0)) reader.fail("breadth", "must be positive");
   step.pin = reader.take_flag("pin", false);
+  const std::string detail = reader.take_choice("detail", {"xy", "tangent", "scaled tangent"}, "xy");
+  if (detail == "tangent") step.detail = fontcore::DetailFrame::Tangent;
+  if (detail == "scaled tangent") step.detail = fontcore::DetailFrame::ScaledTangent;
   return step;
 }
 

@@ -19,7 +19,8 @@ struct SweepStep {
   fontcore::Point near{0, 0};  ///< the nearest point of the outline is the handle, font units
   fontcore::Point move{0, 0};  ///< where the handle is to go, font units
   double breadth = 0.0;        ///< length of outline that the edit moves, font units
-  bool pin = false;            ///< the handle must land: what rules do not allow refuses the glyph
+  fontcore::DetailFrame detail = fontcore::DetailFrame::Fixed;
+  bool pin = false;  ///< the handle must land: what rules do not allow refuses the glyph
 };
 
 /// Takes away features shorter than a scale. Corners and straight arcs stay; with Keep::corners false, corners are

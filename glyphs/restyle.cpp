@@ -206,7 +206,8 @@ class GlyphEditor {
             StepReport& report) const {
     const BezierContour& contour = curve.contour();
     const auto [segment, u, distance] = fontcore::nearest_point(contour, step.near);
-    const fontcore::Sweep sweep = fontcore::sweep(curve, curve.parameter(segment, u), amount * step.move, step.breadth);
+    const fontcore::Sweep sweep =
+        fontcore::sweep(curve, curve.parameter(segment, u), amount * step.move, step.breadth, {.detail = step.detail});
     edit.field = recipe_.keep.corners ? respect_corners(curve, sweep.field) : sweep.field;
     edit.handle = fontcore::OutlineCurve::Location{segment, u};
     edit.move = amount * step.move;

@@ -21,7 +21,7 @@ TEST_CASE("the handle gets its move exactly, at every breadth", "[edit]") {
   for (const Scheme scheme : {Scheme::Chaikin, Scheme::Orthogonal}) {
     for (double breadth = 20.0; breadth < 6000.0; breadth *= 1.17) {
       for (const double t : {0.0, 7.3, 31.5, 60.25}) {
-        const Sweep s = sweep(specimen(), t, Point(24, -10), breadth, scheme);
+        const Sweep s = sweep(specimen(), t, Point(24, -10), breadth, {.scheme = scheme});
         // What decays below a millionth of a unit is cut off; Chaikin's sweep is local and exact.
         const double cut = scheme == Scheme::Chaikin ? 1e-12 : 1e-5;
         CHECK((evaluate(scheme, s.field, t).transpose() - Point(24, -10)).norm() < cut);
@@ -145,12 +145,52 @@ TEST_CASE("corner rows, solved, are what respecting corners does to a field", "[
   for (int i = 0; i < n; ++i) CHECK((least.segment<2>(2 * i) - field.row(i).transpose()).norm() < 1e-12);
 }
 
+TEST_CASE("details turn with the sweep they ride on", "[edit]") {
+  Eigen::Matrix2d turn;
+  turn << 0.8, -0.6, 0.6, 0.8;
+  for (const Scheme scheme : {Scheme::Chaikin, Scheme::Orthogonal, Scheme::EndpointCubic, Scheme::HeldCubic}) {
+    const Eigen::Index size = is_closed(scheme) ? 48 : 48 + degree(scheme);
+    const MultiresCurve curve = decompose(scheme, shapes::random_points(size, 5), 3);
+    for (int level = 0; level <= 3; ++level) {
+      const Coefficients coarse = from_level(curve, level).coarse;
+      const Coefficients whole = reconstruct(curve);
+      const auto carried = [&](const Coefficients& to, DetailFrame frame) {
+        return reconstruct(carry_details(curve, level, to, frame));
+      };
+      const auto far_off = [](const Coefficients& a, const Coefficients& b) { return (a - b).cwiseAbs().maxCoeff(); };
+      // A rotation of the sweep turns the whole curve; twice the size is for scaled frames alone.
+      CHECK(far_off(carried(coarse * turn, DetailFrame::Tangent), whole * turn) < 1e-8);
+      CHECK(far_off(carried(2.0 * coarse * turn, DetailFrame::ScaledTangent), 2.0 * whole * turn) < 1e-8);
+      CHECK(far_off(carried(coarse, DetailFrame::Tangent), whole) < 1e-8);
+      const Coefficients fixed = carried(coarse * turn, DetailFrame::Fixed);
+      if (level < 3) CHECK(far_off(fixed, whole * turn) > 1.0);
+      const MultiresCurve details = from_level(curve, level);
+      const MultiresCurve kept = carry_details(curve, level, coarse * turn, DetailFrame::Fixed);
+      for (std::size_t k = 0; k < details.details.size(); ++k) CHECK(kept.details[k] == details.details[k]);
+    }
+  }
+}
+
+TEST_CASE("a sweep that turns details lands its handle, and turns as little as it bends", "[edit]") {
+  for (const DetailFrame frame : {DetailFrame::Tangent, DetailFrame::ScaledTangent}) {
+    for (const double breadth : {200.0, 900.0, 3000.0}) {
+      const Sweep s = sweep(specimen(), 20.3, Point(60, -30), breadth, {.detail = frame});
+      CHECK((evaluate(Scheme::Chaikin, s.field, 20.3).transpose() - Point(60, -30)).norm() < 1e-9);
+      const Sweep plain = sweep(specimen(), 20.3, Point(60, -30), breadth);
+      const double difference = shapes::largest_distance(s.field, plain.field);
+      CHECK(difference < 120.0);
+      const Sweep little = sweep(specimen(), 20.3, Point(0.06, -0.03), breadth, {.detail = frame});
+      CHECK(shapes::largest_distance(1000.0 * little.field, plain.field) < 250.0);
+    }
+  }
+}
+
 TEST_CASE("breadths that are not positive, moves that are not finite and open schemes are refused", "[edit]") {
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
   CHECK_THROWS_AS(sweep(specimen(), nan, Point(1, 0), 90.0), InvalidInput);
   CHECK(message_of<InvalidInput>([&] { sweep(specimen(), 1.0, Point(nan, 0), 90.0); }) ==
         "sweep: a move by nan, 0 at parameter 1");
-  CHECK_THROWS_AS(sweep(specimen(), 1.0, Point(1, 0), 90.0, Scheme::HeldCubic), InvalidInput);
+  CHECK_THROWS_AS(sweep(specimen(), 1.0, Point(1, 0), 90.0, {.scheme = Scheme::HeldCubic}), InvalidInput);
   CHECK_THROWS_AS(sweep(specimen(), 1.0, Point(1, 0), 0.0), InvalidInput);
   CHECK_THROWS_AS(sweep(specimen(), 1.0, Point(1, 0), std::numeric_limits<double>::quiet_NaN()), InvalidInput);
 }

@@ -289,6 +289,19 @@ TEST_CASE("corners are rounded as far as the outline's own points can follow, an
   }
 }
 
+TEST_CASE("details that turn with a sweep keep what a sweep keeps", "[restyle]") {
+  const Font font = load_font(bundled_ttf[0]);
+  const Glyph& glyph = font.glyphs[static_cast<std::size_t>(font.find("S"))];
+  SweepStep step = step_at({300, 900}, {-60, 20}, 1500);
+  const GlyphResult plain = restyle_glyph(font, glyph.id, recipe_of(step));
+  step.detail = fontcore::DetailFrame::Tangent;
+  const GlyphResult turned = restyle_glyph(font, glyph.id, recipe_of(step));
+  CHECK(turned.report.refused.empty());
+  CHECK(turned.contours != plain.contours);
+  CHECK(std::abs(turned.report.area_unrounded / turned.report.area_before - 1.0) < 1e-9);
+  CHECK(turned.report.crossings_after == turned.report.crossings_before);
+}
+
 TEST_CASE("a frozen stretch keeps its bits, by its ends or by a box", "[restyle]") {
   const Font font = load_font(bundled_ttf[0]);
   const Glyph& glyph = font.glyphs[static_cast<std::size_t>(font.find("o"))];
