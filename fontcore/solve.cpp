@@ -121,6 +121,14 @@ double RowElimination::residual(const Eigen::VectorXd& displacement) const {
   return worst;
 }
 
+std::optional<double> area_root(double missing, double slope, double bend) {
+  const double discriminant = slope * slope + 4.0 * bend * missing;
+  if (discriminant < 0.0) return std::nullopt;
+  const double divisor = slope + std::sqrt(discriminant);
+  if (divisor > 0.0) return 2.0 * missing / divisor;
+  return missing == 0.0 ? std::optional(0.0) : std::nullopt;
+}
+
 struct LeastChange::Factored {
   Factored(const RowElimination& rules, const Eigen::SparseMatrix<double>& objective)
       : rows(rules), space(rules.space()), H(objective) {}
@@ -186,12 +194,12 @@ LeastChange::Solution LeastChange::solve(const Eigen::VectorXd& f, const BezierC
     // Along v the area is exactly quadratic: error = slope t + bend t^2.
     const Eigen::VectorXd step = system.space.T * v;
     const double bend = error - missing(solution.displacement + step) - slope;
-    const double discriminant = slope * slope + 4.0 * bend * error;
-    if (discriminant < 0.0) {
+    const std::optional<double> t = area_root(error, slope, bend);
+    if (!t) {
       solution.report.failed = "the area is out of reach";
       break;
     }
-    solution.displacement += 2.0 * error / (slope + std::sqrt(discriminant)) * step;
+    solution.displacement += *t * step;
     const double before = std::abs(error);
     error = missing(solution.displacement);
     if (solution.report.passes > 0 && std::abs(error) >= before) {  // rounding has the last word

@@ -3,6 +3,7 @@
 #include <Eigen/SparseCore>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -60,6 +61,12 @@ class RowElimination {
   std::map<int, std::vector<int>> users_;  // free variable -> dependent variables that may mention it
   std::vector<Conflict> conflicts_;
 };
+
+/// The t nearest to 0 with slope t + bend t^2 = missing, slope >= 0: how far to go along a line on which the area is
+/// exactly quadratic. None if the area turns back before.
+///
+/// Exact   to rounding, also where bend is small: the root is taken in the form that does not cancel.
+std::optional<double> area_root(double missing, double slope, double bend);
 
 /// What a solve came to.
 struct SolveReport {
