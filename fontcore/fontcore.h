@@ -15,5 +15,6 @@
 #include "fontcore/constraint.h"
 #include "fontcore/solve.h"
 #include "fontcore/edit.h"
+#include "fontcore/drag.h"
 #include "fontcore/fit.h"
 // clang-format on
