@@ -1,8 +1,9 @@
-// Time per curve of the wavelet filters, 2-D doubles, beside one memcpy of the same data.
+// Time per curve of the wavelet filters, 2-D doubles, beside one memcpy of the same data; and of one move of a drag.
 
 #include <benchmark/benchmark.h>
 #include <malloc.h>
 
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
@@ -11,6 +12,7 @@
 #include <numbers>
 #include <span>
 
+#include "fontcore/drag.h"
 #include "fontcore/wavelet.h"
 
 namespace {
@@ -94,6 +96,45 @@ void synthesize(benchmark::State& state, Scheme scheme) {
   for (auto _ : state) benchmark::DoNotOptimize(fontcore::reconstruct(curve));
 }
 
+// A wavy spline of N points with eight corners, a quarter of it frozen, dragged opposite of that at the level that
+// moves a quarter; with or without the length.
+fontcore::DragSolver begin_drag(int count, bool keep_length) {
+  constexpr int corners = 8;
+  constexpr double moved_spans = 5.0;  // three neighbouring basis functions, each three spans wide
+  fontcore::Points points = wavy_points(count);
+  fontcore::Rows rows;
+  for (int k = 0; k < corners; ++k) {
+    const int i = (2 * k + 1) * count / (2 * corners);
+    points.row(i + 1) = points.row(i);
+    for (fontcore::Row& row : fontcore::rows(fontcore::CornerPair{i, count})) rows.push_back(std::move(row));
+  }
+  for (int i = count / 2; i < count * 3 / 4; ++i) {
+    for (int axis = 0; axis < 2; ++axis) rows.push_back({"frozen", {{2 * i + axis, 1.0}}, 0.0});
+  }
+  const double level = std::log2(moved_spans * 4.0 / fontcore::fewest(Scheme::Chaikin));
+  fontcore::DragOptions options{.level = level};
+  if (keep_length) options.length = fontcore::KeptValue{};
+  return {points, {{.t = 0.13 * count}}, options, rows};
+}
+
+void drag(benchmark::State& state, bool keep_length) {
+  fontcore::DragSolver solver = begin_drag(static_cast<int>(state.range(0)), keep_length);
+  double angle = 0.0;
+  double passes = 0.0;
+  for (auto _ : state) {
+    angle += 0.1;
+    const std::array delta = {fontcore::Point(40.0 * std::cos(angle), 25.0 * std::sin(angle))};
+    passes += solver.move(delta).passes;
+    benchmark::DoNotOptimize(solver.control_points().data());
+  }
+  state.counters["passes"] = passes / static_cast<double>(state.iterations());
+}
+
+void drag_begin(benchmark::State& state) {
+  for (auto _ : state) benchmark::DoNotOptimize(begin_drag(static_cast<int>(state.range(0)), false));
+}
+
+void drag_sizes(benchmark::internal::Benchmark* bench) { bench->RangeMultiplier(2)->Range(64, 4096); }
 void sizes(benchmark::internal::Benchmark* bench) { bench->RangeMultiplier(2)->Range(fewest_points, most_points); }
 
 BENCHMARK(copy)->Name("memcpy")->Apply(sizes);
@@ -112,6 +153,9 @@ BENCHMARK_CAPTURE(analyze, cubic, Scheme::EndpointCubic)->Name("endpoint_cubic_a
 BENCHMARK_CAPTURE(synthesize, cubic, Scheme::EndpointCubic)->Name("endpoint_cubic_synthesize")->Apply(sizes);
 BENCHMARK_CAPTURE(analyze, held, Scheme::HeldCubic)->Name("held_cubic_analyze")->Apply(sizes);
 BENCHMARK_CAPTURE(synthesize, held, Scheme::HeldCubic)->Name("held_cubic_synthesize")->Apply(sizes);
+BENCHMARK_CAPTURE(drag, area, false)->Name("drag")->Apply(drag_sizes);
+BENCHMARK_CAPTURE(drag, length, true)->Name("drag_length")->Apply(drag_sizes);
+BENCHMARK(drag_begin)->Apply(drag_sizes);
 
 }  // namespace
 
