@@ -107,7 +107,7 @@ TEST_CASE("a wish that no rule hinders is the sweep of the same place and level"
   for (const Scheme scheme : {Scheme::Chaikin, Scheme::Orthogonal}) {
     for (const double breadth : {200.0, 450.0, 1100.0, 2500.0}) {
       const double t = 12.4;
-      const Sweep swept = sweep(specimen(), t, Point(24, -10), breadth, scheme);
+      const Sweep swept = sweep(specimen(), t, Point(24, -10), breadth, {.scheme = scheme});
       DragOptions options{.level = swept.level, .scheme = scheme, .alpha = 1e9, .area = AnyValue{}};
       options.corners = Corners::Round;
       const DragResult result = solve_once(specimen(), {{.t = t}}, {Point(24, -10)}, options);

@@ -5,26 +5,39 @@
 
 #include "fontcore/error.h"
 #include "fontcore/measure.h"
+#include "fontcore/wavelet.h"
 
-/// Collects paths of points, y up, and prints them as one SVG picture with y down.
+/// Collects curves, y up, panel by panel, and prints them as one SVG picture with y down.
 class Picture {
  public:
+  /// What follows is drawn in a panel of its own, so far to the right.
+  void next_panel(double width) { left_ += width; }
+
   /// Style is what SVG has for a path: `fill="none" stroke="black"`.
   void path(const fontcore::Points& points, const std::string& style, bool is_closed = false) {
     body_ += "<path d=\"";
-    for (Eigen::Index i = 0; i < points.rows(); ++i) {
-      box_.add(points.row(i).transpose());
-      body_ += fontcore::text(i == 0 ? "M" : "L", points(i, 0), " ", -points(i, 1));
-    }
+    for (Eigen::Index i = 0; i < points.rows(); ++i) body_ += (i == 0 ? "M" : "L") + place(points.row(i));
     body_ += (is_closed ? "Z\" " : "\" ") + style + "/>\n";
   }
   void dots(const fontcore::Points& points, double radius, const std::string& style) {
     for (Eigen::Index i = 0; i < points.rows(); ++i) {
-      box_.add(points.row(i).transpose());
-      body_ += fontcore::text("<circle cx=\"", points(i, 0), "\" cy=\"", -points(i, 1), "\" r=\"", radius, "\" ", style,
-                              "/>\n");
+      body_ += "<path d=\"M" + place(points.row(i)) + "h0\" stroke-linecap=\"round\" " +
+               fontcore::text("stroke-width=\"", 2.0 * radius, "\" ") + style + "/>\n";
     }
   }
+  /// A closed quadratic spline by its control points, and their polygon.
+  void spline(const fontcore::Points& points, const std::string& colour) {
+    const auto middle = [&](Eigen::Index i) {
+      return place(0.5 * (points.row(i) + points.row((i + 1) % points.rows())));
+    };
+    body_ += "<path fill=\"none\" stroke-width=\"5\" stroke=\"" + colour + "\" d=\"M" + middle(points.rows() - 1);
+    for (Eigen::Index i = 0; i < points.rows(); ++i) body_ += "Q" + place(points.row(i)) + " " + middle(i);
+    body_ += "Z\"/>\n";
+  }
+  void polygon(const fontcore::Points& points, const std::string& colour) {
+    path(points, "fill=\"none\" stroke-width=\"1\" stroke=\"" + colour + "\"", true);
+  }
+
   void print() const {
     const fontcore::Point size = box_.high - box_.low;
     const double margin = 0.04 * size.maxCoeff();
@@ -34,6 +47,12 @@ class Picture {
   }
 
  private:
+  std::string place(const Eigen::RowVector2d& point) {
+    box_.add(fontcore::Point(point.x() + left_, point.y()));
+    return fontcore::text(point.x() + left_, " ", -point.y());
+  }
+
+  double left_ = 0.0;
   fontcore::Box box_;
   std::string body_;
 };
