@@ -15,12 +15,12 @@ namespace {
 
 constexpr int samples_per_segment = 9;
 constexpr double stiffness = 0.4;  // of the breadth: length over which a displacement's slope weighs as much as itself
-constexpr double shortest_stretch = 1e-3;  // of a segment: what a sample's stretch is at least taken for, at cusps
-constexpr double ridge = 1e-7;             // of the mean diagonal: keeps points without samples at rest
-constexpr double most_throw = 3.0;         // a handle that throws a point further than this many moves is not forced
+constexpr double shortest_stretch = 1e-3;   // of a segment: what a sample's stretch is at least taken for, at cusps
+constexpr double ridge = 1e-7;              // of the mean diagonal: keeps points without samples at rest
+constexpr double most_throw = 3.0;          // a handle that throws a point further than this many moves is not forced
 constexpr double most_throw_pinned = 10.0;  // the same of a handle that must land
-constexpr double gentle_throw = 1.25;      // and one that throws none further than this needs no more room
-constexpr double landed = 1e-9;            // font units
+constexpr double gentle_throw = 1.25;       // and one that throws none further than this needs no more room
+constexpr double landed = 1e-9;             // font units
 
 // The wish at samples of every released segment, as least squares on its control points: the displacement and its slope
 // along the outline. Without the slope a short segment weighs little and is folded over when the area is given back.
@@ -177,6 +177,7 @@ HandledSolution solve_with_handle(const OutlineCurve& curve, const StructureEdit
   const BezierContour& contour = curve.contour();
   const auto solve = [&](const RowElimination& rows) {
     const LeastChange least(system.H, rows);
+    if (edit.length) return least.solve(system.f, contour, edit.area, *edit.length);
     return edit.area ? least.solve(system.f, contour, *edit.area) : least.solve(system.f);
   };
   HandledSolution result;
@@ -201,7 +202,7 @@ HandledSolution solve_with_handle(const OutlineCurve& curve, const StructureEdit
   // The area, or rules that leave the handle only a long lever.
   const std::string reason =
       !result.solution.report.failed.empty()
-          ? "area: " + result.solution.report.failed
+          ? (edit.length ? "area and length: " : "area: ") + result.solution.report.failed
           : text("rules and area: forcing the handle would throw a point by ", std::round(reach), " units");
   add_names(result.against, {reason});
   result.solution = solve(rules);

@@ -26,8 +26,9 @@ struct StructureEdit {
   HandleMove handle_move = HandleMove::Forced;
   double breadth = 0.0;  ///< of the edit; segments further along the outline than twice this keep their bits
   OutlineRules rules;
-  Rows rows;                   ///< further rules on the outline's points, taken before those
-  std::optional<double> area;  ///< signed area the contour is to have
+  Rows rows;                     ///< further rules on the outline's points, taken before those
+  std::optional<double> area;    ///< signed area the contour is to have
+  std::optional<double> length;  ///< length the contour is to have
 };
 
 /// An outline of the same structure, moved.
@@ -48,7 +49,8 @@ struct StructureFit {
 /// whole. With a breadth of at most a quarter of the contour no more than half of its segments are released. Nearly
 /// smooth joins that the edit would open are closed.
 ///
-/// Exact   rows to rounding; area to 1e-12 relative unless `report.failed` says otherwise; segments not released, bit
+/// Exact   rows to rounding; area to 1e-12 and length to 1e-9 relative unless `report.failed` says otherwise; segments
+/// not released, bit
 ///         for bit.
 /// Throws  UnsatisfiableConstraints naming the rules that a pinned handle contradicts.
 /// Source  DESIGN, "And one consequence".

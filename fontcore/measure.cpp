@@ -122,6 +122,33 @@ double length(const BezierContour& contour) {
   return sum;
 }
 
+Points length_gradient(const BezierContour& contour) {
+  // Gauss-Legendre on [0, 1].
+  constexpr std::array<double, 8> node = {0.01985507175123188, 0.10166676129318664, 0.23723379504183550,
+                                          0.40828267875217510, 0.59171732124782490, 0.76276620495816450,
+                                          0.89833323870681336, 0.98014492824876812};
+  constexpr std::array<double, 8> weight = {0.05061426814518813, 0.11119051722668724, 0.15685332293894364,
+                                            0.18134189168918100, 0.18134189168918100, 0.15685332293894364,
+                                            0.11119051722668724, 0.05061426814518813};
+  Points gradient = Points::Zero(contour.point_count(), 2);
+  for (int s = 0; s < contour.segment_count(); ++s) {
+    const Bezier segment = contour.segment(s);
+    for (std::size_t g = 0; g < node.size(); ++g) {
+      const Point along = derivative(segment, node[g]);
+      if (along == Point::Zero()) continue;
+      // The derivative is degree times the Bernstein sum of the control points' differences.
+      const auto lower = segment.degree == 1 ? std::array{1.0, 0.0, 0.0, 0.0} : bernstein(segment.degree - 1, node[g]);
+      for (int k = 0; k < segment.degree; ++k) {
+        const Eigen::RowVector2d share =
+            weight[g] * segment.degree * lower[static_cast<std::size_t>(k)] * along.normalized().transpose();
+        gradient.row(contour.point_of(s, k)) -= share;
+        gradient.row(contour.point_of(s, k + 1)) += share;
+      }
+    }
+  }
+  return gradient;
+}
+
 void Box::add(const Point& point) {
   low = low.cwiseMin(point);
   high = high.cwiseMax(point);

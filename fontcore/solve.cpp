@@ -1,5 +1,6 @@
 #include "fontcore/solve.h"
 
+#include <Eigen/QR>
 #include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <cmath>
@@ -13,6 +14,7 @@ namespace {
 
 constexpr double vanishing_coefficient = 1e-11;  // of the row's largest: what substitution leaves of a cancelled term
 constexpr double contradiction = 1e-9;           // font units: less is rounding
+constexpr double length_tolerance = 1e-9;        // relative, as `length` is measured to
 constexpr double area_tolerance = 1e-13;         // relative
 
 void add_to(std::map<int, double>& sum, const std::map<int, double>& more, double factor) {
@@ -209,6 +211,46 @@ LeastChange::Solution LeastChange::solve(const Eigen::VectorXd& f, const BezierC
   }
   solution.report.area_error = error / size;
   solution.report.row_residual = system.rows.residual(solution.displacement);
+  return solution;
+}
+
+LeastChange::Solution LeastChange::solve(const Eigen::VectorXd& f, const BezierContour& contour,
+                                         std::optional<double> area, double length) const {
+  const Factored& system = *factored_;
+  Solution solution = solve(f);
+  SolveReport& report = solution.report;
+  const Eigen::Vector2d size(std::max(std::abs(area.value_or(0.0)), std::abs(signed_area(contour))),
+                             std::max(length, fontcore::length(contour)));
+  // Relative errors, those of the area 0 if it is not asked for.
+  const auto errors = [&](const BezierContour& now) {
+    return Eigen::Vector2d(area ? (*area - signed_area(now)) / size[0] : 0.0,
+                           (length - fontcore::length(now)) / size[1]);
+  };
+  BezierContour now = displaced(contour, solution.displacement);
+  Eigen::Vector2d error = errors(now);
+  constexpr int most_passes = 8;
+  for (; std::abs(error[0]) > area_tolerance || std::abs(error[1]) > length_tolerance; ++report.passes) {
+    if (report.free == 0) report.failed = "the rules leave nothing free to keep area and length with";
+    if (report.passes == most_passes) report.failed = text("the length is out of reach: ", error[1], " off, relative");
+    if (!report.failed.empty()) break;
+    Eigen::MatrixXd g(contour.points().size(), 2);
+    const Points gradients[] = {area ? area_gradient(now) : Points(Points::Zero(now.point_count(), 2)),
+                                length_gradient(now)};
+    for (Eigen::Index k = 0; k < 2; ++k) {
+      for (Eigen::Index i = 0; i < now.point_count(); ++i)
+        g.col(k).segment<2>(2 * i) = gradients[k].row(i).transpose() / size[k];
+    }
+    const Eigen::MatrixXd Tg = system.space.T.transpose() * g;
+    const Eigen::MatrixXd V = system.factor.solve(Tg);
+    const Eigen::Matrix2d S = Tg.transpose() * V;
+    const Eigen::Vector2d share = S.completeOrthogonalDecomposition().solve(error);  // one of the two may be idle
+    solution.displacement += system.space.T * (V * share);
+    now = displaced(contour, solution.displacement);
+    error = errors(now);
+  }
+  report.area_error = error[0];
+  report.length_error = error[1];
+  report.row_residual = system.rows.residual(solution.displacement);
   return solution;
 }
 

@@ -72,6 +72,7 @@ std::optional<double> area_root(double missing, double slope, double bend);
 struct SolveReport {
   int passes = 0;             ///< of the area's root: one meets it, another cleans rounding
   double area_error = 0.0;    ///< relative to the contour's area
+  double length_error = 0.0;  ///< relative to the contour's length, if that was asked for
   double row_residual = 0.0;  ///< largest, font units
   int free = 0;               ///< unknowns that the rules leave
   std::string failed;         ///< why the area could not be met; empty if it was or was not asked
@@ -99,6 +100,9 @@ class LeastChange {
   Solution solve(const Eigen::VectorXd& f) const;
   /// `contour` is what the displacement is of, `area` the signed area it is to have afterwards.
   Solution solve(const Eigen::VectorXd& f, const BezierContour& contour, double area) const;
+  /// The same with the length of the outline to have too, by Newton's method on both; 1e-9 relative.
+  Solution solve(const Eigen::VectorXd& f, const BezierContour& contour, std::optional<double> area,
+                 double length) const;
 
  private:
   struct Factored;

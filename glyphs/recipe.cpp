@@ -188,7 +188,11 @@ Keep read_keep(const Json& json) {
   }
   const std::string area = reader.take_choice("area", {"glyph", "contour", "none"}, "glyph");
   keep.area = area == "glyph" ? KeepArea::Glyph : area == "contour" ? KeepArea::Contour : KeepArea::None;
-  if (reader.take_flag("length", false)) reader.fail("length", later);
+  keep.length = reader.take_flag("length", false);
+  if (reader.has("italic_angle")) {
+    keep.italic_angle = reader.take_number("italic_angle");
+    if (!(std::abs(keep.italic_angle) <= 60.0)) reader.fail("italic_angle", "must be from -60 to 60 degrees");
+  }
   if (reader.has("freeze")) {
     const Json& freeze = reader.take("freeze");
     if (!freeze.is_array()) reader.fail("freeze", "must be a list");

@@ -61,6 +61,8 @@ struct Keep {
   bool zones_auto = true;     ///< flat and round features at heights that the font's letters share keep them
   std::vector<double> zones;  ///< heights given by the recipe instead
   KeepArea area = KeepArea::Glyph;
+  bool length = false;        ///< of every contour, before rounding
+  double italic_angle = 0.0;  ///< what vertical means for lines and extrema, degrees leaning right
   std::vector<Freeze> freeze;
 };
 

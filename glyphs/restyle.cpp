@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <numeric>
 
 #include "fontcore/alignment.h"
@@ -71,6 +72,7 @@ class GlyphEditor {
     rules_.lines = recipe.keep.lines;
     rules_.smooth_joins = recipe.keep.smooth_joins;
     rules_.extrema = recipe.keep.extrema;
+    rules_.frame.italic_angle = recipe.keep.italic_angle * std::numbers::pi / 180.0;
     for (const double height : recipe.keep.zones) rules_.zones.push_back(height * unit);
     if (recipe.keep.zones_auto) {
       double low = std::numeric_limits<double>::infinity();
@@ -250,6 +252,7 @@ class GlyphEditor {
     // Every step gives its own area back, so glyph and contour ask the same of it; they differ in rounding.
     if (recipe_.keep.area != KeepArea::None)
       edit.area = signed_area(original_[static_cast<std::size_t>(placed.contour)]);
+    if (recipe_.keep.length) edit.length = length(original_[static_cast<std::size_t>(placed.contour)]);
     fontcore::StructureFit fit = fontcore::refit_structure(curve, edit);
     if (!fit.report.failed.empty()) throw Refusal{text("contour ", placed.contour, ": ", fit.report.failed)};
     report.got = fit.got;

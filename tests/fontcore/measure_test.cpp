@@ -157,3 +157,18 @@ TEST_CASE("the nearest point of an outline is square to it", "[measure]") {
   CHECK(foot.u == Approx(1.0 / 3.0));
   CHECK(foot.distance == Approx(50.0));
 }
+
+TEST_CASE("the gradient of the length is what moving a point adds to it", "[measure]") {
+  const BezierContour contour = shapes::letter_a()[0];
+  const Points gradient = length_gradient(contour);
+  for (int p = 0; p < contour.point_count(); ++p) {
+    for (int axis = 0; axis < 2; ++axis) {
+      const auto length_with = [&](double step) {
+        Points points = contour.points();
+        points(p, axis) += step;
+        return length(contour.with_points(points));
+      };
+      CHECK(gradient(p, axis) == Approx((length_with(0.01) - length_with(-0.01)) / 0.02).margin(1e-5));
+    }
+  }
+}

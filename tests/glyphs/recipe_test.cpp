@@ -99,8 +99,9 @@ TEST_CASE("unknown and repeated keys, wrong types and what cannot be honoured ar
         "r.json: steps[0].op: \"weight\" is not in this version of glyphwave");
   CHECK(refusal(R"({"steps": [{"op": "swep"}]})") ==
         "r.json: steps[0].op: \"swep\" is not one of \"sweep\", \"smooth\", \"equalize\", \"character\", \"weight\"");
-  CHECK(refusal(R"({"steps": [], "keep": {"length": true}})") ==
-        "r.json: keep.length: is not in this version of glyphwave");
+  CHECK(refusal(R"({"steps": [], "keep": {"length": true, "italic_angle": 11.5}})").empty());
+  CHECK(refusal(R"({"steps": [], "keep": {"italic_angle": 75}})") ==
+        "r.json: keep.italic_angle: must be from -60 to 60 degrees");
   const auto freeze = [](const std::string& entry) {
     return refusal(R"({"steps": [], "keep": {"freeze": [)" + entry + "]}}");
   };

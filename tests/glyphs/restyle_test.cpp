@@ -339,6 +339,24 @@ TEST_CASE("a frozen stretch keeps its bits, by its ends or by a box", "[restyle]
   CHECK_THROWS_AS(restyle(font, recipe), RequestError);
 }
 
+TEST_CASE("the length of a contour is kept beside its area", "[restyle]") {
+  const Font font = load_font(bundled_ttf[0]);
+  for (const char letter : std::string("aegnosS")) {
+    const Glyph& glyph = font.glyphs[static_cast<std::size_t>(font.find(std::string(1, letter)))];
+    Recipe recipe = recipe_of(step_at({300, 500}, {25, -12}, 1400));
+    recipe.keep.length = true;
+    const GlyphResult result = restyle_glyph(font, glyph.id, recipe);
+    INFO(glyph.name << " " << result.report.refused);
+    REQUIRE(result.report.refused.empty());
+    CHECK(result.unrounded != glyph.contours);
+    for (std::size_t k = 0; k < glyph.contours.size(); ++k) {
+      const double before = fontcore::length(glyph.contours[k]);
+      CHECK(std::abs(fontcore::length(result.unrounded[k]) / before - 1.0) < 1e-8);
+      CHECK(std::abs(signed_area(result.unrounded[k]) / signed_area(glyph.contours[k]) - 1.0) < 1e-9);
+    }
+  }
+}
+
 TEST_CASE("a pinned handle lands, or its glyph is refused with the rules that stand against it", "[restyle]") {
   const Font font = load_font(bundled_ttf[0]);
   const Glyph& glyph = font.glyphs[static_cast<std::size_t>(font.find("o"))];
