@@ -165,9 +165,12 @@ class GlyphEditor {
   }
   int nearest_contour(const Point& place) const {
     int best = 0;
+    constexpr double without_inside = std::numeric_limits<double>::max();
     double nearest = std::numeric_limits<double>::infinity();
     for (int c = 0; c < static_cast<int>(original_.size()); ++c) {
-      const double distance = fontcore::nearest_point(original_[static_cast<std::size_t>(c)], place).distance;
+      // A point or a line without inside is there for other tools, unless there is nothing else.
+      const BezierContour& contour = original_[static_cast<std::size_t>(c)];
+      const double distance = has_inside(contour) ? fontcore::nearest_point(contour, place).distance : without_inside;
       if (distance < nearest) {
         nearest = distance;
         best = c;
