@@ -240,6 +240,14 @@ class GlyphEditor {
     report.op = "equalize";
   }
 
+  static void hold_corners(const fontcore::OutlineCurve& curve, fontcore::StructureEdit& edit) {
+    for (int s = 0; s < curve.contour().segment_count(); ++s) {
+      if (!curve.nodes()[static_cast<std::size_t>(s)].is_corner) continue;
+      const fontcore::Rows rows = fontcore::rows(curve.contour(), fontcore::FrozenPoint{curve.contour().node(s)});
+      edit.rows.insert(edit.rows.end(), rows.begin(), rows.end());
+    }
+  }
+
   StepReport apply(const PlacedStep& placed, double amount, Contours& contours,
                    std::optional<fontcore::OutlineCurve::Location>& handle) {
     BezierContour& contour = contours[static_cast<std::size_t>(placed.contour)];
@@ -256,10 +264,18 @@ class GlyphEditor {
     if (recipe_.keep.area != KeepArea::None)
       edit.area = signed_area(original_[static_cast<std::size_t>(placed.contour)]);
     if (recipe_.keep.length) edit.length = length(original_[static_cast<std::size_t>(placed.contour)]);
-    fontcore::StructureFit fit = fontcore::refit_structure(curve, edit);
+    // What works arc by arc keeps corners to the last bit, unless they alone could give the area back.
+    const bool holds_corners = report.op != "sweep" && corners() == fontcore::Corners::Keep;
+    fontcore::StructureEdit held = edit;
+    if (holds_corners) hold_corners(curve, held);
+    fontcore::StructureFit fit = fontcore::refit_structure(curve, held);
+    if (holds_corners && !fit.report.failed.empty()) {
+      report.against.push_back("area: with corners held, " + fit.report.failed);
+      fit = fontcore::refit_structure(curve, edit);
+    }
     if (!fit.report.failed.empty()) throw Refusal{text("contour ", placed.contour, ": ", fit.report.failed)};
     report.got = fit.got;
-    report.against = std::move(fit.against);
+    report.against.insert(report.against.end(), fit.against.begin(), fit.against.end());
     report.off_wish = fit.off_wish;
     if (corners() == fontcore::Corners::Round && report.op != "sweep" && fit.off_wish > recipe_.tolerance) {
       report.against.push_back(

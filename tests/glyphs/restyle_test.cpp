@@ -262,6 +262,14 @@ TEST_CASE("letters are smoothed with corners, area and structure kept, and a sca
         CHECK(result.report.steps.size() == glyph.contours.size());
         CHECK(std::abs(result.report.area_unrounded / result.report.area_before - 1.0) < 1e-9);
         CHECK(std::abs(result.report.area_after / result.report.area_before - 1.0) < 5e-4);
+        for (std::size_t k = 0; k < glyph.contours.size(); ++k) {  // corners to the last bit
+          const auto turns = turning_angles(glyph.contours[k]);
+          for (int s = 0; s < glyph.contours[k].segment_count(); ++s) {
+            const int node = glyph.contours[k].node(s);
+            if (std::abs(turns[static_cast<std::size_t>(s)]) < 0.15) continue;
+            CHECK(result.contours[k].point(node) == glyph.contours[k].point(node));
+          }
+        }
         if (step.by == fontcore::SmoothBy::Level) continue;  // which knows nothing of energy
         for (const StepReport& done : result.report.steps) CHECK(done.energy_after <= done.energy_before);
       }
