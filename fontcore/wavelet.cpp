@@ -782,9 +782,9 @@ MultiresCurve from_level(const MultiresCurve& curve, int level) {
 namespace {
 
 // Level j + t with t in (0, 1]; level 0 has j = -1, t = 1.
-std::pair<int, double> split_level_number(const char* function, const MultiresCurve& curve, double level) {
-  if (!(level >= 0.0 && level <= curve.levels())) {
-    throw InvalidInput(text(function, ": level ", level, " of a curve with levels 0 to ", curve.levels()));
+std::pair<int, double> split_level_number(const char* function, int levels, double level) {
+  if (!(level >= 0.0 && level <= levels)) {
+    throw InvalidInput(text(function, ": level ", level, " of a curve with levels 0 to ", levels));
   }
   const int j = static_cast<int>(std::ceil(level)) - 1;
   return {j, level - j};
@@ -793,14 +793,14 @@ std::pair<int, double> split_level_number(const char* function, const MultiresCu
 }  // namespace
 
 Coefficients fractional(const MultiresCurve& curve, double level) {
-  const auto [j, t] = split_level_number("fractional", curve, level);
+  const auto [j, t] = split_level_number("fractional", curve.levels(), level);
   if (j < 0) return curve.coarse;
   const MultiresCurve seen = from_level(curve, j);
   return synthesize(curve.scheme, seen.coarse, t * seen.details.front());
 }
 
 MultiresCurve edit_fractional(const MultiresCurve& curve, double level, const CoefficientsView& change) {
-  const auto [j, t] = split_level_number("edit_fractional", curve, level);
+  const auto [j, t] = split_level_number("edit_fractional", curve.levels(), level);
   Index rows = curve.coarse.rows();
   for (int i = 0; i <= j; ++i) rows += detail_count(curve.scheme, rows);
   if (change.rows() != rows || change.cols() != curve.coarse.cols()) {
@@ -832,32 +832,48 @@ Coefficients pull_level(Scheme scheme, Index size, double t) {
 
 }  // namespace
 
+namespace {
+
+// Sizes of the levels from the coarsest to the finest.
+std::vector<Index> level_sizes(Scheme scheme, Index size, int levels) {
+  std::vector<Index> sizes = {size};
+  for (int down = 0; down < levels; ++down) sizes.push_back(coarser_size(scheme, sizes.back()));
+  std::ranges::reverse(sizes);
+  return sizes;
+}
+
+// [FS94] dc^j = (1 - g) broad + g A narrow, dd^j = (g / f) B narrow with g = f^2, at level j + f; at level 0 the broad
+// change alone. Other details are 0.
+MultiresCurve mixed_change(Scheme scheme, const std::vector<Index>& sizes, int j, double f, const Coefficients& broad,
+                           const Coefficients& narrow) {
+  MultiresCurve change{Coefficients::Zero(sizes[0], 1), {}, scheme};
+  for (std::size_t level = 0; level + 1 < sizes.size(); ++level) {
+    change.details.emplace_back(Coefficients::Zero(detail_count(scheme, sizes[level]), 1));
+  }
+  if (j < 0) {
+    change.coarse = broad;
+    return change;
+  }
+  const double g = f * f;
+  const Split split = split_level(scheme, narrow);
+  change.details[static_cast<std::size_t>(j)] = f * split.detail;
+  const MultiresCurve coarser = decompose(scheme, (1.0 - g) * broad + g * split.coarse, j);
+  change.coarse = coarser.coarse;
+  std::ranges::copy(coarser.details, change.details.begin());
+  return change;
+}
+
+}  // namespace
+
 MultiresCurve pull(Scheme scheme, Index size, int levels, double t, double level, Moved moved) {
   require_levels(scheme, "pull", size, levels);
-  MultiresCurve change{Coefficients(), {}, scheme};
-  std::vector<Index> sizes = {size};  // of the levels, fine first
-  for (int down = 0; down < levels; ++down) sizes.push_back(coarser_size(scheme, sizes.back()));
-  change.coarse = Coefficients::Zero(sizes.back(), 1);
-  for (int j = 0; j < levels; ++j) {
-    const Index details = detail_count(scheme, sizes[static_cast<std::size_t>(levels - j)]);
-    change.details.emplace_back(Coefficients::Zero(details, 1));
-  }
-  const auto [j, f] = split_level_number("pull", change, level);
+  const std::vector<Index> sizes = level_sizes(scheme, size, levels);
+  const auto [j, f] = split_level_number("pull", levels, level);
   const auto at = [&](int of) {
-    return pull_level(scheme, sizes[static_cast<std::size_t>(levels - of)], coarser_parameter(scheme, t, levels - of));
+    return pull_level(scheme, sizes[static_cast<std::size_t>(of)], coarser_parameter(scheme, t, levels - of));
   };
-  if (j < 0) {
-    change.coarse = at(0);
-  } else {
-    const double g = f * f;
-    Split narrow = split_level(scheme, at(j + 1));
-    Coefficients broad = g * narrow.coarse;
-    if (g < 1.0) broad += (1.0 - g) * at(j);
-    change.details[static_cast<std::size_t>(j)] = f * narrow.detail;
-    const MultiresCurve coarser = decompose(scheme, broad, j);
-    change.coarse = coarser.coarse;
-    std::ranges::copy(coarser.details, change.details.begin());
-  }
+  MultiresCurve change =
+      j < 0 ? mixed_change(scheme, sizes, j, f, at(0), {}) : mixed_change(scheme, sizes, j, f, at(j), at(j + 1));
   if (moved == Moved::Fractional) return change;
   // Of the whole curve, whose finer control points follow from those of level j + 1.
   MultiresCurve seen{change.coarse, {change.details.begin(), change.details.begin() + j + 1}, scheme};
@@ -865,6 +881,34 @@ MultiresCurve pull(Scheme scheme, Index size, int levels, double t, double level
   change.coarse /= got;
   for (Coefficients& detail : change.details) detail /= got;
   return change;
+}
+
+MultiresCurve pull_control_point(Scheme scheme, Index size, int levels, Index index, double level) {
+  require_levels(scheme, "pull_control_point", size, levels);
+  const std::vector<Index> sizes = level_sizes(scheme, size, levels);
+  const auto [j, f] = split_level_number("pull_control_point", levels, level);
+  const Index count = sizes[static_cast<std::size_t>(j + 1)];
+  const bool is_end = is_held(scheme) && (index == 0 || index == count - 1);
+  if (index < 0 || index >= count || is_end) {
+    throw InvalidInput(text("pull_control_point: control point ", index, " of ", count, " at level ", level,
+                            is_end ? " is held" : ""));
+  }
+  Coefficients narrow = Coefficients::Zero(count, 1);
+  narrow(index, 0) = 1.0;
+  if (j < 0) return mixed_change(scheme, sizes, j, f, narrow, {});
+  // Row `index` of P: the weights of the coarser control points in it.
+  const Index coarse_count = sizes[static_cast<std::size_t>(j)];
+  Coefficients row = Coefficients::Zero(coarse_count, 1);
+  for (Index k = 0; k < coarse_count; ++k) {
+    const FilterColumn column = scaling_column(scheme, coarse_count, k);
+    const Index r = is_closed(scheme) ? wrapped(index - column.first, count) : index - column.first;
+    if (r >= 0 && r < std::ssize(column.values)) row(k, 0) = column.values[static_cast<std::size_t>(r)];
+  }
+  if (is_held(scheme)) row(0, 0) = row(coarse_count - 1, 0) = 0.0;
+  const double most = row.maxCoeff();
+  Coefficients broad = (row.array() > most - 1e-9).cast<double>();
+  broad /= row.cwiseProduct(broad).sum();
+  return mixed_change(scheme, sizes, j, f, broad, narrow);
 }
 
 Eigen::SparseMatrix<double> mother_matrix(Form form, Scheme scheme, Index size) {

@@ -205,6 +205,17 @@ MultiresCurve edit_fractional(const MultiresCurve& curve, double level, const Co
 enum class Moved { Fractional, Whole };
 MultiresCurve pull(Scheme scheme, Eigen::Index size, int levels, double t, double level, Moved moved = Moved::Whole);
 
+/// Control-point editing: the change that moves control point `index` of c^{j+f} by 1, of all coefficients, in a
+/// column.
+///
+/// At a whole level it alone moves there. Between levels the broad answer moves the one or two points of level j that
+/// weigh most in it, by one over the sum of their weights; the narrow one moves it alone; they are mixed by g = f^2 as
+/// in `pull`, so that the neighbours come along less and less.
+///
+/// Throws  InvalidInput as `pull`, or if the index is out of range at that level or the end of a held arc.
+/// Source  [FS94] editing at fractional levels.
+MultiresCurve pull_control_point(Scheme scheme, Eigen::Index size, int levels, Eigen::Index index, double level);
+
 /// The integrals that are quadratic in the control points, over the parameter with spans of length 1.
 enum class Form {
   Product,  ///< of f g: the Gram matrix

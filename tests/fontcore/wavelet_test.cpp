@@ -330,3 +330,31 @@ TEST_CASE("the end of a held arc cannot be pulled, and says so", "[wavelet]") {
         "held_cubic: the curve is held at parameter 0");
   CHECK(reconstruct(pull(Scheme::HeldCubic, 11, 2, 0.01, 1.5)).row(0).isZero(0.0));
 }
+
+TEST_CASE("[FS94] a control point between two levels moves by what was asked, its neighbours the less the finer",
+          "[wavelet]") {
+  for (const Scheme scheme : all_schemes) {
+    const Eigen::Index size = points_of_spans(scheme, 48);
+    for (const double level : {0.0, 0.4, 1.0, 1.7, 2.2, 2.95, 3.0}) {
+      const MultiresCurve zero = decompose(scheme, Coefficients::Zero(size, 1), 3);
+      const Eigen::Index count = (level == 0.0 ? zero.coarse : fractional(zero, level)).rows();
+      for (Eigen::Index index = 1; index + 1 < count; index += 3) {
+        const MultiresCurve change = pull_control_point(scheme, size, 3, index, level);
+        const Coefficients seen = fractional(change, level);
+        CHECK(seen(index, 0) == Approx(1.0).epsilon(1e-12));
+        Coefficients others = seen;
+        others(index, 0) = 0.0;
+        if (level == std::floor(level)) CHECK(others.cwiseAbs().maxCoeff() < 1e-12);
+      }
+    }
+    const auto neighbours = [&](double level) {
+      Coefficients seen = fractional(pull_control_point(scheme, size, 3, 11, level), level);
+      seen(11, 0) = 0.0;
+      return seen.norm();
+    };
+    for (double level = 2.05; level < 2.95; level += 0.1) CHECK(neighbours(level + 0.04) < neighbours(level));
+  }
+  CHECK_THROWS_AS(pull_control_point(Scheme::Chaikin, 48, 3, 24, 2.0), InvalidInput);
+  CHECK(message_of<InvalidInput>([] { pull_control_point(Scheme::HeldCubic, 51, 3, 0, 3.0); }) ==
+        "pull_control_point: control point 0 of 51 at level 3 is held");
+}
