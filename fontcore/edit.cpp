@@ -1,5 +1,6 @@
 #include "fontcore/edit.h"
 
+#include <Eigen/LU>
 #include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <cmath>
@@ -141,6 +142,30 @@ Sweep sweep(const OutlineCurve& curve, double t, const Point& move, double bread
   const Point missed = move - evaluate(options.scheme, result.field, t).transpose();
   result.field += weights * missed.transpose();
   return result;
+}
+
+Sweep sweep(const OutlineCurve& curve, const std::vector<Pull>& handles, double breadth, Scheme scheme) {
+  if (handles.empty()) throw InvalidInput("sweep: no handle");
+  const auto n = static_cast<Eigen::Index>(handles.size());
+  Eigen::MatrixXd weights(curve.size(), n);  // a column a handle: its pull by 1
+  Eigen::MatrixXd at_handles(n, n);
+  Points moves(n, 2);
+  double level = 0.0;
+  for (Eigen::Index k = 0; k < n; ++k) {
+    const Pull& handle = handles[static_cast<std::size_t>(k)];
+    const Sweep alone = sweep(curve, handle.t, Point(1.0, 0.0), breadth, {.scheme = scheme});
+    if (k == 0) level = alone.level;
+    weights.col(k) = alone.field.col(0);
+    moves.row(k) = handle.move.transpose();
+  }
+  for (Eigen::Index i = 0; i < n; ++i)
+    at_handles.row(i) = evaluate(scheme, weights, handles[static_cast<std::size_t>(i)].t);
+  Eigen::FullPivLU<Eigen::MatrixXd> factor(at_handles);
+  factor.setThreshold(1e-3);  // of the largest pivot: a pull of the difference would be a thousand times as strong
+  if (!moves.allFinite() || !factor.isInvertible()) {
+    throw InvalidInput(text("sweep: ", n, " handles that lie too near to each other for a breadth of ", breadth));
+  }
+  return {weights * factor.solve(moves), handles[0].t, level};
 }
 
 Points respect_corners(const OutlineCurve& curve, Points field) {

@@ -52,6 +52,19 @@ struct SweepOptions {
 /// Source  [FS94] editing at fractional levels, direct manipulation, editing a desired portion of the curve.
 Sweep sweep(const OutlineCurve& curve, double t, const Point& move, double breadth, const SweepOptions& options = {});
 
+/// Several handles at once: each point of the outline at a t moves by its own move, every stretch of `breadth`.
+///
+/// The field is the sum of the handles' pulls that meets all moves. Details do not turn.
+///
+/// Shape   level that of the first handle.
+/// Throws  InvalidInput if there is no handle, or two lie so near to each other that no such sum meets them.
+struct Pull {
+  double t = 0.0;
+  Point move = Point::Zero();
+};
+Sweep sweep(const OutlineCurve& curve, const std::vector<Pull>& handles, double breadth,
+            Scheme scheme = Scheme::Chaikin);
+
 /// The fractional level at which direct manipulation at parameter t moves a stretch of `breadth`: interpolated between
 /// the arc lengths that integer levels move, five spans, three basis functions of three spans each about t.
 ///

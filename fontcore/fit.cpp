@@ -87,33 +87,37 @@ WishSystem wish_system(const OutlineCurve& curve, const StructureEdit& edit, con
   return system;
 }
 
-// Segments nearer along the outline to the handle than `reach`; for a breadth of at most a quarter of the contour, the
+// Segments nearer along the outline to a handle than `reach`; for a breadth of at most a quarter of the contour, the
 // nearest of them, no more than half of all.
 std::vector<bool> released_segments(const OutlineCurve& curve, const StructureEdit& edit, double reach) {
   const BezierContour& contour = curve.contour();
   const int n = contour.segment_count();
   std::vector<bool> released(static_cast<std::size_t>(n), true);
-  if (!edit.handle) return released;
+  if (edit.handles.empty()) return released;
   const double L = curve.length();
   std::vector<double> start(static_cast<std::size_t>(n) + 1, 0.0);
   for (int s = 0; s < n; ++s) {
     start[static_cast<std::size_t>(s) + 1] = start[static_cast<std::size_t>(s)] + length(contour.segment(s));
   }
-  const auto h = static_cast<std::size_t>(edit.handle->segment);
-  const double handle = start[h] + ArcLength(contour.segment(edit.handle->segment)).at(edit.handle->u);
-  // A line goes as a whole: if the handle is on one, its ends are as near as the handle itself.
-  const bool on_line = contour.degree(edit.handle->segment) == 1;
-  const double first = on_line ? start[h] : handle;
-  const double last = on_line ? start[h + 1] : handle;
-  const auto around = [&](double s) {
-    if (s >= first && s <= last) return 0.0;
-    const double d = s < first ? std::min(first - s, s + L - last) : std::min(s - last, first + L - s);
-    return std::max(d, 0.0);
-  };
-  std::vector<double> own(static_cast<std::size_t>(n));
+  std::vector<double> own(static_cast<std::size_t>(n), L);
+  for (const auto& [at, move] : edit.handles) {
+    const auto h = static_cast<std::size_t>(at.segment);
+    const double handle = start[h] + ArcLength(contour.segment(at.segment)).at(at.u);
+    // A line goes as a whole: if the handle is on one, its ends are as near as the handle itself.
+    const bool on_line = contour.degree(at.segment) == 1;
+    const double first = on_line ? start[h] : handle;
+    const double last = on_line ? start[h + 1] : handle;
+    const auto around = [&](double s) {
+      if (s >= first && s <= last) return 0.0;
+      const double d = s < first ? std::min(first - s, s + L - last) : std::min(s - last, first + L - s);
+      return std::max(d, 0.0);
+    };
+    for (std::size_t s = 0; s < own.size(); ++s) {
+      own[s] = std::min(own[s], s == h ? 0.0 : std::min(around(start[s]), around(start[s + 1])));
+    }
+  }
   std::vector<int> order(static_cast<std::size_t>(n));
   std::iota(order.begin(), order.end(), 0);
-  for (std::size_t s = 0; s < own.size(); ++s) own[s] = s == h ? 0.0 : std::min(around(start[s]), around(start[s + 1]));
   // So does a line that is reached: what lies beyond it is as near as it is, or its far end could not follow.
   std::vector<double> distance = own;
   for (int s = 0; s < n; ++s) {
@@ -160,6 +164,12 @@ double largest(const Eigen::VectorXd& displacement) {
   return worst;
 }
 
+double longest_move(const StructureEdit& edit) {
+  double longest = 0.0;
+  for (const StructureEdit::Handle& handle : edit.handles) longest = std::max(longest, handle.move.norm());
+  return longest;
+}
+
 void add_names(std::vector<std::string>& names, const std::vector<std::string>& more) {
   for (const std::string& name : more) {
     if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
@@ -181,14 +191,13 @@ HandledSolution solve_with_handle(const OutlineCurve& curve, const StructureEdit
     return edit.area ? least.solve(system.f, contour, *edit.area) : least.solve(system.f);
   };
   HandledSolution result;
-  if (!edit.handle || edit.handle_move == HandleMove::Wished) {
+  if (edit.handles.empty() || edit.handle_move == HandleMove::Wished) {
     result.solution = solve(rules);
     return result;
   }
   // x and y are wishes of their own: a rule may stand against one and leave the other.
-  const Rows wishes = rows(contour, Position{edit.handle->segment, edit.handle->u, edit.move});
   RowElimination with_handle = rules;
-  with_handle.add(wishes);
+  for (const auto& [at, move] : edit.handles) with_handle.add(rows(contour, Position{at.segment, at.u, move}));
   for (std::size_t k = rules.conflicts().size(); k < with_handle.conflicts().size(); ++k) {
     const auto& names = with_handle.conflicts()[k].rules;
     add_names(result.against, {names.begin() + 1, names.end()});
@@ -196,7 +205,7 @@ HandledSolution solve_with_handle(const OutlineCurve& curve, const StructureEdit
   result.solution = solve(with_handle);
   const bool is_pinned = edit.handle_move == HandleMove::Pinned;
   const double reach = largest(result.solution.displacement);
-  const double most = (is_pinned ? most_throw_pinned : most_throw) * edit.move.norm();
+  const double most = (is_pinned ? most_throw_pinned : most_throw) * longest_move(edit);
   if (result.solution.report.failed.empty() && reach <= most) return result;
   if (is_pinned && !result.against.empty()) return result;
   // The area, or rules that leave the handle only a long lever.
@@ -261,7 +270,10 @@ StructureFit refit_structure(const OutlineCurve& curve, const StructureEdit& edi
     if (released == tried) continue;
     Reached next = solve_within(curve, edit, released);
     tried = std::move(released);
-    const double missed = edit.handle ? (move_of(contour, next.contour, *edit.handle) - edit.move).norm() : 0.0;
+    double missed = 0.0;
+    for (const auto& [at, move] : edit.handles) {
+      missed = std::max(missed, (move_of(contour, next.contour, at) - move).norm());
+    }
     const double thrown = largest(next.handled.solution.displacement);
     const std::pair cost{missed > landed ? missed : 0.0, thrown};
     if (!best || cost < best_cost) {
@@ -269,7 +281,8 @@ StructureFit refit_structure(const OutlineCurve& curve, const StructureEdit& edi
       best_cost = cost;
     }
     const bool settled = best_cost.first == 0.0 || edit.handle_move == HandleMove::Wished;
-    if (best->handled.solution.report.failed.empty() && settled && best_cost.second <= gentle_throw * edit.move.norm())
+    if (best->handled.solution.report.failed.empty() && settled &&
+        best_cost.second <= gentle_throw * longest_move(edit))
       break;
   }
   const HandledSolution& handled = best->handled;
@@ -280,13 +293,15 @@ StructureFit refit_structure(const OutlineCurve& curve, const StructureEdit& edi
     throw UnsatisfiableConstraints("refit_structure: against the pinned handle stands: " + names);
   }
 
-  StructureFit fit{best->contour, handled.solution.report, Point::Zero(), {}, 0.0};
-  if (edit.handle) {
-    fit.got = move_of(contour, fit.contour, *edit.handle);
-    if ((fit.got - edit.move).norm() > landed) fit.against = handled.against;
-    if ((fit.got - edit.move).norm() > landed && fit.against.empty())
-      fit.against = {edit.handle_move == HandleMove::Wished ? "it is not forced" : "rounding of the solve"};
+  StructureFit fit{best->contour, handled.solution.report, {}, {}, 0.0};
+  bool all_landed = true;
+  for (const auto& [at, move] : edit.handles) {
+    fit.got.push_back(move_of(contour, fit.contour, at));
+    all_landed = all_landed && (fit.got.back() - move).norm() <= landed;
   }
+  if (!all_landed) fit.against = handled.against;
+  if (!all_landed && fit.against.empty())
+    fit.against = {edit.handle_move == HandleMove::Wished ? "it is not forced" : "rounding of the solve"};
   for (const auto& [segment, weight, wish] : system.samples) {
     Point d = Point::Zero();
     for (int k = 0; k <= contour.degree(segment); ++k) {
@@ -378,7 +393,7 @@ class WholeNumbers {
     result.contour = contour(value_);
     result.area_error = error(value_);
     result.opened_joins = static_cast<int>(opened(value_, all_joins()).size());
-    if (goal_.handle) result.handle_error = handle_error(value_);
+    result.handle_error = handle_error(value_);
     return result;
   }
 
@@ -498,11 +513,15 @@ class WholeNumbers {
   }
   bool is_allowed(const std::vector<double>& value, const Changes& changes) const {
     if (!opens_none(value, changes)) return false;
-    return !goal_.handle || handle_error(value) <= std::max(handle_slack, handle_error(value_));
+    return goal_.handles.empty() || handle_error(value) <= std::max(handle_slack, handle_error(value_));
   }
   double handle_error(const std::vector<double>& value) const {
-    const Point wished = evaluate(edited_.segment(goal_.handle->segment), goal_.handle->u);
-    return (evaluate(contour(value).segment(goal_.handle->segment), goal_.handle->u) - wished).norm();
+    double worst = 0.0;
+    for (const auto& [segment, u] : goal_.handles) {
+      const Point wished = evaluate(edited_.segment(segment), u);
+      worst = std::max(worst, (evaluate(contour(value).segment(segment), u) - wished).norm());
+    }
+    return worst;
   }
   std::vector<double> changed(const Changes& changes) const {
     std::vector<double> value = value_;
@@ -654,7 +673,7 @@ class WholeNumbers {
     for (const bool in_place : {true, false}) {
       for (const auto& [distance, changes] : found) {
         const std::vector<double> tried = changed(changes);
-        if (in_place && goal_.handle && handle_error(tried) > handle_slack) continue;
+        if (in_place && handle_error(tried) > handle_slack) continue;
         if (!opens_none(tried, changes)) continue;
         value_ = tried;
         return;

@@ -20,11 +20,15 @@ enum class HandleMove {
 
 /// What a structure-preserving edit is to reach, and within what.
 struct StructureEdit {
+  /// A point of the outline, and how it is to move.
+  struct Handle {
+    OutlineCurve::Location at;
+    Point move = Point::Zero();
+  };
   Points field;  ///< the wish: displacement of the spline's control points, N×2, font units
-  std::optional<OutlineCurve::Location> handle;  ///< the point of the outline that is to move by `move`
-  Point move = Point::Zero();
+  std::vector<Handle> handles;
   HandleMove handle_move = HandleMove::Forced;
-  double breadth = 0.0;  ///< of the edit; segments further along the outline than twice this keep their bits
+  double breadth = 0.0;  ///< of the edit; segments further from every handle than twice this keep their bits
   OutlineRules rules;
   Rows rows;                     ///< further rules on the outline's points, taken before those
   std::optional<double> area;    ///< signed area the contour is to have
@@ -35,19 +39,19 @@ struct StructureEdit {
 struct StructureFit {
   BezierContour contour;  ///< not rounded
   SolveReport report;
-  Point got = Point::Zero();         ///< how the handle moved
-  std::vector<std::string> against;  ///< rules that stood against the handle's move; empty if it was met
+  std::vector<Point> got;            ///< how the handles moved
+  std::vector<std::string> against;  ///< rules that stood against their moves; empty if all were met
   double off_wish = 0.0;             ///< largest distance of the displacement from the wish, at the samples, font units
 };
 
 /// Moves an outline's own points: the least-squares image of the wish inside what the rules leave, at exactly the area.
 ///
 /// Segments, kinds and start point stay; what is solved is what is emitted. A forced handle is a pair of rows, taken
-/// last: where the rules or the area stand against it, or where forcing it would throw other points further than three
-/// times the move, it stays a wish, and `against` names what stood against it. Segments nearer to the handle than the
-/// breadth are released, up to twice that where the area cannot be given back gently; a line that is reached goes as a
-/// whole. With a breadth of at most a quarter of the contour no more than half of its segments are released. Nearly
-/// smooth joins that the edit would open are closed.
+/// last: where the rules or the area stand against it, or where forcing would throw other points further than three
+/// times the longest move, it stays a wish, and `against` names what stood against it. Segments nearer to a handle than
+/// the breadth are released, up to twice that where the area cannot be given back gently; a line that is reached goes
+/// as a whole. With a breadth of at most a quarter of the contour no more than half of its segments are released.
+/// Nearly smooth joins that the edit would open are closed.
 ///
 /// Exact   rows to rounding; area to 1e-12 and length to 1e-9 relative unless `report.failed` says otherwise; segments
 /// not released, bit
@@ -61,7 +65,7 @@ struct Rounding {
   BezierContour contour;
   double area_error = 0.0;        ///< signed area minus the wished one, square units
   double plain_area_error = 0.0;  ///< the same with every coordinate rounded to its nearest whole number
-  double handle_error = 0.0;      ///< distance of the handle from its place, font units
+  double handle_error = 0.0;      ///< largest distance of a handle from its place, font units
   int opened_joins = 0;           ///< smooth joins that turn by more than 1.5 degrees now
 };
 
@@ -70,7 +74,7 @@ struct Rounding {
 /// Coordinates that rules tie are one unknown; points that have not moved from `original` stay. Every other unknown
 /// takes its floor or its ceiling, one further if the area is still off;
 /// an outline of few unknowns is searched further, for the area before the handle. Smooth joins stay
-/// within 1.5 degrees where that can be; the handle, if given, ends within one unit of its place.
+/// within 1.5 degrees where that can be; handles, if given, end within one unit of their places.
 ///
 /// Exact   joins smooth before stay within 1.5 degrees where whole numbers up to a unit further allow; with them
 /// closed,
@@ -79,7 +83,7 @@ struct Rounding {
 struct RoundingGoal {
   double area = 0.0;   ///< wished signed area of the contour, square units
   double scale = 0.0;  ///< what relative errors are relative to: the glyph's area
-  std::optional<OutlineCurve::Location> handle;
+  std::vector<OutlineCurve::Location> handles;
 };
 Rounding round_keeping_area(const BezierContour& edited, const BezierContour& original, const OutlineRules& rules,
                             const RoundingGoal& goal);

@@ -92,14 +92,31 @@ constexpr const char* later = "is not in this version of glyphwave";
 
 Step read_sweep(ObjectReader& reader) {
   SweepStep step;
-  step.near = reader.take_point("near");
-  step.move = reader.take_point("move");
+  if (reader.has("handles")) {
+    const Json& handles = reader.take("handles");
+    if (!handles.is_array() || handles.empty()) reader.fail("handles", "must be a list of {\"near\", \"move\"}");
+    for (std::size_t k = 0; k < handles.size(); ++k) {
+      ObjectReader one(handles[k], reader.where(text("handles[", k, "]")));
+      SweepHandle handle;
+      handle.near = one.take_point("near");
+      handle.move = one.take_point("move");
+      one.finish();
+      step.more.push_back(handle);
+    }
+    step.near = step.more.front().near;
+    step.move = step.more.front().move;
+    step.more.erase(step.more.begin());
+  } else {
+    step.near = reader.take_point("near");
+    step.move = reader.take_point("move");
+  }
   step.breadth = reader.take_number("breadth");
   if (!(step.breadth > 0.0)) reader.fail("breadth", "must be positive");
   step.pin = reader.take_flag("pin", false);
   const std::string detail = reader.take_choice("detail", {"xy", "tangent", "scaled tangent"}, "xy");
   if (detail == "tangent") step.detail = fontcore::DetailFrame::Tangent;
   if (detail == "scaled tangent") step.detail = fontcore::DetailFrame::ScaledTangent;
+  if (detail != "xy" && !step.more.empty()) reader.fail("detail", "turns with one handle, not with several");
   return step;
 }
 

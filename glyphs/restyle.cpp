@@ -100,20 +100,27 @@ class GlyphEditor {
     handle_move_ = handle_move;
     Attempt result;
     result.unrounded = original_;
-    std::vector<std::optional<fontcore::OutlineCurve::Location>> handle(original_.size());
+    std::vector<std::vector<fontcore::OutlineCurve::Location>> handles(original_.size());
     for (const PlacedStep& placed : steps_) {
       const auto k = static_cast<std::size_t>(placed.contour);
-      result.steps.push_back(apply(placed, amount, result.unrounded, handle[k]));
+      result.steps.push_back(apply(placed, amount, result.unrounded, handles[k]));
     }
-    result.rounded = rounded(result, handle);
+    result.rounded = rounded(result, handles);
     return result;
   }
 
  private:
   void place(SweepStep step, double unit) {
-    if (step.move == Point::Zero()) return;
+    const bool moves =
+        step.move != Point::Zero() ||
+        std::any_of(step.more.begin(), step.more.end(), [](const SweepHandle& h) { return h.move != Point::Zero(); });
+    if (!moves) return;
     step.near = step.near * unit + drawn_at_;
     step.move *= unit;
+    for (SweepHandle& handle : step.more) {
+      handle.near = handle.near * unit + drawn_at_;
+      handle.move *= unit;
+    }
     step.breadth *= unit;
     steps_.push_back({step, step.contour ? checked(*step.contour) : nearest_contour(step.near)});
   }
@@ -210,17 +217,22 @@ class GlyphEditor {
   void wish(const SweepStep& step, double amount, const fontcore::OutlineCurve& curve, fontcore::StructureEdit& edit,
             StepReport& report) const {
     const BezierContour& contour = curve.contour();
-    const auto [segment, u, distance] = fontcore::nearest_point(contour, step.near);
+    std::vector<SweepHandle> handles = {{step.near, step.move}};
+    handles.insert(handles.end(), step.more.begin(), step.more.end());
+    std::vector<fontcore::Pull> pulls;
+    for (const auto& [near, move] : handles) {
+      const auto [segment, u, distance] = fontcore::nearest_point(contour, near);
+      pulls.push_back({curve.parameter(segment, u), amount * move});
+      edit.handles.push_back({{segment, u}, amount * move});
+      report.handles.push_back({evaluate(contour.segment(segment), u) - drawn_at_, move, Point::Zero()});
+    }
     const fontcore::Sweep sweep =
-        fontcore::sweep(curve, curve.parameter(segment, u), amount * step.move, step.breadth, {.detail = step.detail});
+        pulls.size() == 1 ? fontcore::sweep(curve, pulls[0].t, pulls[0].move, step.breadth, {.detail = step.detail})
+                          : fontcore::sweep(curve, pulls, step.breadth);
     edit.field = recipe_.keep.corners ? respect_corners(curve, sweep.field) : sweep.field;
-    edit.handle = fontcore::OutlineCurve::Location{segment, u};
-    edit.move = amount * step.move;
     edit.handle_move = step.pin ? fontcore::HandleMove::Pinned : handle_move_;
     edit.breadth = step.breadth;
     report.op = "sweep";
-    report.handle = evaluate(contour.segment(segment), u) - drawn_at_;
-    report.asked = step.move;
     report.level = sweep.level;
   }
   void wish(const SmoothStep& step, double amount, const fontcore::OutlineCurve& curve, fontcore::StructureEdit& edit,
@@ -249,7 +261,7 @@ class GlyphEditor {
   }
 
   StepReport apply(const PlacedStep& placed, double amount, Contours& contours,
-                   std::optional<fontcore::OutlineCurve::Location>& handle) {
+                   std::vector<fontcore::OutlineCurve::Location>& handles) {
     BezierContour& contour = contours[static_cast<std::size_t>(placed.contour)];
     const fontcore::OutlineCurve curve = curve_of(placed.contour, contour, fewest_points(placed.step, contour));
     StepReport report;
@@ -274,7 +286,7 @@ class GlyphEditor {
       fit = fontcore::refit_structure(curve, edit);
     }
     if (!fit.report.failed.empty()) throw Refusal{text("contour ", placed.contour, ": ", fit.report.failed)};
-    report.got = fit.got;
+    for (std::size_t k = 0; k < fit.got.size(); ++k) report.handles[k].got = fit.got[k];
     report.against.insert(report.against.end(), fit.against.begin(), fit.against.end());
     report.off_wish = fit.off_wish;
     if (corners() == fontcore::Corners::Round && report.op != "sweep" && fit.off_wish > recipe_.tolerance) {
@@ -282,13 +294,15 @@ class GlyphEditor {
           text("the outline's own points: it ends up to ", fit.off_wish, " units off the rounded one"));
     }
     contour = std::move(fit.contour);
-    // A handle the rules did not hold back must not be lost to rounding.
-    if (edit.handle && report.against.empty()) handle = edit.handle;
+    // Handles that the rules did not hold back must not be lost to rounding.
+    if (!edit.handles.empty() && report.against.empty()) {
+      handles.clear();
+      for (const auto& handle : edit.handles) handles.push_back(handle.at);
+    }
     return report;
   }
 
-  Contours rounded(Attempt& attempt,
-                   const std::vector<std::optional<fontcore::OutlineCurve::Location>>& handles) const {
+  Contours rounded(Attempt& attempt, const std::vector<std::vector<fontcore::OutlineCurve::Location>>& handles) const {
     const Contours& solved = attempt.unrounded;
     Contours result = original_;
     const double total = signed_area(original_);
@@ -359,7 +373,9 @@ double emission_deviation(const Contours& solved, const Contours& emitted, doubl
 double progress(const Attempt& attempt) {
   double sum = 0.0;
   for (const StepReport& step : attempt.steps) {
-    if (step.asked != Point::Zero()) sum += step.got.dot(step.asked) / step.asked.squaredNorm();
+    for (const auto& [handle, asked, got] : step.handles) {
+      if (asked != Point::Zero()) sum += got.dot(asked) / asked.squaredNorm();
+    }
   }
   return sum;
 }
@@ -368,7 +384,9 @@ double progress(const Attempt& attempt) {
 // where only forcing the handles would cross and it gets further, the whole amount with the handles as wishes.
 template <typename Added>
 Attempt reduced(GlyphEditor& editor, Attempt best, const Added& added, GlyphReport& report) {
-  for (StepReport& step : best.steps) step.got = Point::Zero();
+  for (StepReport& step : best.steps) {
+    for (HandleReport& handle : step.handles) handle.got = Point::Zero();
+  }
   report.amount = 0.0;
   for (double unsafe = 1.0; unsafe - report.amount > bisection_width;) {
     const double amount = 0.5 * (report.amount + unsafe);
@@ -594,9 +612,14 @@ std::string report_json(const Font& font, const RestyleResult& result) {
     for (const StepReport& step : report.steps) {
       Json one = {{"op", step.op}, {"contour", step.contour}};
       if (step.op == "sweep") {
-        one["handle"] = pair(step.handle);
-        one["asked"] = pair(step.asked);
-        one["got"] = pair(step.got);
+        const auto put = [&](Json& to, const HandleReport& of) {
+          to["handle"] = pair(of.handle);
+          to["asked"] = pair(of.asked);
+          to["got"] = pair(of.got);
+        };
+        put(one, step.handles.at(0));
+        for (std::size_t more = 1; more < step.handles.size(); ++more)
+          put(one["more"].emplace_back(), step.handles[more]);
         one["level"] = step.level;
       } else if (step.op == "smooth") {
         one["energy_before"] = step.energy_before;

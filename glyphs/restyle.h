@@ -10,13 +10,18 @@
 
 namespace glyphs {
 
-/// What became of one step on one contour of a glyph. Handle, asked and got are a sweep's.
+/// What became of a handle.
+struct HandleReport {
+  fontcore::Point handle{0, 0};  ///< the point of the outline nearest to `near`
+  fontcore::Point asked{0, 0};   ///< the move wished for it
+  fontcore::Point got{0, 0};     ///< the move it made before rounding
+};
+
+/// What became of one step on one contour of a glyph. Handles are a sweep's.
 struct StepReport {
   std::string op;
   int contour = 0;
-  fontcore::Point handle{0, 0};      ///< the point of the outline nearest to `near`
-  fontcore::Point asked{0, 0};       ///< the move wished for it
-  fontcore::Point got{0, 0};         ///< the move it made before rounding
+  std::vector<HandleReport> handles;
   double level = 0.0;                ///< fractional level j + t of the edit
   int levels = 0;                    ///< level of the finest control points
   std::vector<std::string> against;  ///< what stood against the wish, by name; empty if it was met

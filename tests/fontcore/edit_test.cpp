@@ -185,6 +185,19 @@ TEST_CASE("a sweep that turns details lands its handle, and turns as little as i
   }
 }
 
+TEST_CASE("several handles get their moves at once, however their stretches overlap", "[edit]") {
+  const std::vector<Pull> handles = {{7.3, Point(20, 5)}, {12.0, Point(-8, 3)}, {40.6, Point(0, 31)}};
+  for (const double breadth : {60.0, 400.0, 1500.0}) {
+    const Sweep s = sweep(specimen(), handles, breadth);
+    for (const auto& [t, move] : handles) {
+      CHECK((evaluate(Scheme::Chaikin, s.field, t).transpose() - move).norm() < 1e-9);
+    }
+    CHECK(sweep(specimen(), {handles[0]}, breadth).field.isApprox(sweep(specimen(), 7.3, Point(20, 5), breadth).field));
+  }
+  CHECK_THROWS_AS(sweep(specimen(), std::vector<Pull>{}, 100.0), InvalidInput);
+  CHECK_THROWS_AS(sweep(specimen(), {{7.3, Point(1, 0)}, {7.3, Point(2, 0)}}, 100.0), InvalidInput);
+}
+
 TEST_CASE("breadths that are not positive, moves that are not finite and open schemes are refused", "[edit]") {
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
   CHECK_THROWS_AS(sweep(specimen(), nan, Point(1, 0), 90.0), InvalidInput);

@@ -16,8 +16,7 @@ StructureEdit sweep_edit(const OutlineCurve& curve, const Point& near, const Poi
   const auto [segment, u, distance] = nearest_point(curve.contour(), near);
   StructureEdit edit;
   edit.field = respect_corners(curve, sweep(curve, curve.parameter(segment, u), move, breadth).field);
-  edit.handle = OutlineCurve::Location{segment, u};
-  edit.move = move;
+  edit.handles = {{{segment, u}, move}};
   edit.breadth = breadth;
   edit.area = signed_area(curve.contour());
   return edit;
@@ -123,7 +122,7 @@ TEST_CASE("a sweep keeps the area, lands its handle and leaves what it does not 
     CHECK(fit.report.failed.empty());
     CHECK(std::abs(signed_area(fit.contour) / signed_area(contour) - 1.0) < 1e-12);
     CHECK(fit.report.row_residual < 1e-11);
-    if (fit.against.empty()) CHECK((fit.got - Point(-18, 7)).norm() < 1e-9);
+    if (fit.against.empty()) CHECK((fit.got[0] - Point(-18, 7)).norm() < 1e-9);
     CHECK(2 * equal_segments(fit.contour, contour) >= contour.segment_count());
     CHECK(fit.contour.kinds() == contour.kinds());
   }
@@ -135,7 +134,7 @@ TEST_CASE("a handle that a rule holds says which", "[fit]") {
   StructureEdit edit = sweep_edit(curve, Point(300, 0), Point(0, -20), 3000.0);
   edit.rules.zones = {0.0, 600.0};
   const StructureFit fit = refit_structure(curve, edit);
-  CHECK(fit.got.norm() < 1e-9);
+  CHECK(fit.got[0].norm() < 1e-9);
   REQUIRE_FALSE(fit.against.empty());
   CHECK(std::any_of(fit.against.begin(), fit.against.end(),
                     [](const std::string& rule) { return rule.ends_with("stays at zone y = 0"); }));
@@ -163,8 +162,8 @@ TEST_CASE("rounding finds whole numbers nearer to the area than plain rounding d
     StructureEdit edit = sweep_edit(curve, place, Point(11.3, -7.7), 600.0);
     edit.rules.zones = {-20.0, 961.0};
     const StructureFit fit = refit_structure(curve, edit);
-    const Rounding rounding = round_keeping_area(fit.contour, contour, edit.rules,
-                                                 {.area = area, .scale = std::abs(area), .handle = edit.handle});
+    const Rounding rounding = round_keeping_area(
+        fit.contour, contour, edit.rules, {.area = area, .scale = std::abs(area), .handles = {edit.handles[0].at}});
     CHECK(std::abs(rounding.area_error) <= std::max(std::abs(rounding.plain_area_error), 1e-6 * std::abs(area)));
     CHECK(std::abs(rounding.area_error) <= 5e-4 * std::abs(area));
     CHECK(signed_area(rounding.contour) - area == Approx(rounding.area_error).margin(1e-6));
@@ -182,7 +181,7 @@ TEST_CASE("rounding finds whole numbers nearer to the area than plain rounding d
 TEST_CASE("what lies on whole numbers already is not rounded to others", "[fit]") {
   const BezierContour contour = shapes::letter_a()[1];
   const Rounding rounding =
-      round_keeping_area(contour, contour, {}, {.area = signed_area(contour), .scale = 1.0, .handle = {}});
+      round_keeping_area(contour, contour, {}, {.area = signed_area(contour), .scale = 1.0, .handles = {}});
   CHECK(rounding.contour == contour);
   CHECK(rounding.area_error == 0.0);
   CHECK_THROWS_AS(round_keeping_area(contour, shapes::square(600), {}, {}), InvalidInput);

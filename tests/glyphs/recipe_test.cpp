@@ -102,6 +102,14 @@ TEST_CASE("unknown and repeated keys, wrong types and what cannot be honoured ar
   CHECK(refusal(R"({"steps": [], "keep": {"length": true, "italic_angle": 11.5}})").empty());
   CHECK(refusal(R"({"steps": [], "keep": {"italic_angle": 75}})") ==
         "r.json: keep.italic_angle: must be from -60 to 60 degrees");
+  const auto sweep = [](const std::string& rest) {
+    return refusal(R"({"steps": [{"op": "sweep", "breadth": 90, )" + rest + "}]}");
+  };
+  CHECK(sweep(R"("handles": [{"near": [1, 2], "move": [3, 4]}, {"near": [5, 6], "move": [7, 8]}])").empty());
+  CHECK(sweep(R"("handles": [])") == "r.json: steps[0].handles: must be a list of {\"near\", \"move\"}");
+  CHECK(sweep(R"("handles": [{"near": [1, 2]}])") == "r.json: steps[0].handles[0].move: is missing");
+  CHECK(sweep(R"("near": [1, 2], "move": [3, 4], "detail": "round")") ==
+        "r.json: steps[0].detail: \"round\" is not one of \"xy\", \"tangent\", \"scaled tangent\"");
   const auto freeze = [](const std::string& entry) {
     return refusal(R"({"steps": [], "keep": {"freeze": [)" + entry + "]}}");
   };

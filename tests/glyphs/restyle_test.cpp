@@ -95,7 +95,7 @@ TEST_CASE("a sweep of every bundled letter keeps area, structure and crossings, 
       CHECK(added_crossings(find_crossings(glyph.contours), find_crossings(result.contours)) == 0);
       REQUIRE(report.steps.size() == 1);
       const StepReport& told = report.steps[0];
-      const double missed = (told.got - report.amount * told.asked).norm();
+      const double missed = (told.handles[0].got - report.amount * told.handles[0].asked).norm();
       if (told.against.empty()) {
         ++landed;
         CHECK(missed < 1e-9);
@@ -122,7 +122,7 @@ TEST_CASE("a sweep of every bundled letter keeps area, structure and crossings, 
         const auto& before = glyph.contours[static_cast<std::size_t>(told.contour)];
         const auto& after = result.contours[static_cast<std::size_t>(told.contour)];
         const auto [segment, u, distance] = nearest_point(before, step.near);
-        CHECK((evaluate(after.segment(segment), u) - told.handle - told.got).norm() <= 1.0);
+        CHECK((evaluate(after.segment(segment), u) - told.handles[0].handle - told.handles[0].got).norm() <= 1.0);
       }
     }
   }
@@ -217,7 +217,7 @@ TEST_CASE("several steps on one glyph follow each other and keep the area togeth
   const GlyphReport report = restyle_glyph(font, 0, recipe).report;
   REQUIRE(report.steps.size() == 3);
   for (const StepReport& step : report.steps) {
-    if (step.against.empty()) CHECK((step.got - step.asked).norm() < 1e-9);
+    if (step.against.empty()) CHECK((step.handles[0].got - step.handles[0].asked).norm() < 1e-9);
   }
   CHECK(std::abs(report.area_unrounded / report.area_before - 1.0) < 1e-9);
   CHECK(std::abs(report.area_after / report.area_before - 1.0) < 5e-4);
@@ -232,7 +232,7 @@ TEST_CASE("lengths may be thousandths of the em, and near is where the glyph is 
   font.glyphs[0].origin = 100;
   const GlyphResult drawn = restyle_glyph(font, 0, recipe_of(step_at({400, 1500}, {30, 0}, 1200)));
   CHECK(drawn.contours == plain.contours);
-  CHECK(drawn.report.steps[0].handle == plain.report.steps[0].handle - Point(100, 0));
+  CHECK(drawn.report.steps[0].handles[0].handle == plain.report.steps[0].handles[0].handle - Point(100, 0));
 }
 
 TEST_CASE("letters are smoothed with corners, area and structure kept, and a scale of 0 or gains of 1 change nothing",
@@ -365,6 +365,23 @@ TEST_CASE("the length of a contour is kept beside its area", "[restyle]") {
   }
 }
 
+TEST_CASE("several handles are dragged at once, each to its own place", "[restyle]") {
+  const Font font = load_font(bundled_ttf[0]);
+  const Glyph& glyph = font.glyphs[static_cast<std::size_t>(font.find("o"))];
+  const fontcore::Box box = fontcore::control_box(glyph.contours[0]);
+  const double middle = 0.5 * (box.low + box.high).y();
+  SweepStep step = step_at({box.high.x(), middle}, {30, 0}, 1000);
+  step.more = {SweepHandle{.near = {box.low.x(), middle}, .move = {-12, 0}}};
+  const GlyphResult result = restyle_glyph(font, glyph.id, recipe_of(step));
+  CHECK(result.report.refused.empty());
+  REQUIRE(result.report.steps[0].handles.size() == 2);
+  CHECK((result.report.steps[0].handles[0].got - Point(30, 0)).norm() < 1e-9);
+  CHECK((result.report.steps[0].handles[1].got - Point(-12, 0)).norm() < 1e-9);
+  CHECK(std::abs(result.report.area_unrounded / result.report.area_before - 1.0) < 1e-9);
+  step.more[0].near = step.near;  // the same place cannot go two ways
+  CHECK_THAT(restyle_glyph(font, glyph.id, recipe_of(step)).report.refused, Catch::Contains("too near to each other"));
+}
+
 TEST_CASE("a pinned handle lands, or its glyph is refused with the rules that stand against it", "[restyle]") {
   const Font font = load_font(bundled_ttf[0]);
   const Glyph& glyph = font.glyphs[static_cast<std::size_t>(font.find("o"))];
@@ -374,7 +391,7 @@ TEST_CASE("a pinned handle lands, or its glyph is refused with the rules that st
   step.pin = true;
   const GlyphResult landed = restyle_glyph(font, glyph.id, recipe_of(step));
   CHECK(landed.report.refused.empty());
-  CHECK((landed.report.steps[0].got - Point(35, 0)).norm() < 1e-9);
+  CHECK((landed.report.steps[0].handles[0].got - Point(35, 0)).norm() < 1e-9);
 
   // The top of an o lies at a zone.
   const fontcore::BezierContour& outer = glyph.contours[0];
