@@ -348,7 +348,7 @@ void DragSolver::State::begin_subspace(const std::vector<int>& corner_pairs, Spa
     if (!std::isfinite(handle.t)) throw InvalidInput(text("DragSolver: handle ", h, " is at parameter ", handle.t));
     const Index nearest = wrapped(static_cast<Index>(std::floor(coarser_parameter(handle.t, down) + 0.5)), level_size);
     auto& weights = handle_weights.emplace_back();
-    if (handle.grip == DragHandle::Grip::Curve) {
+    if (handle.grip == Grip::Curve) {
       pulls.col(h) = from_level(pull(options.scheme, size(), finest, handle.t, options.level), level).coarse;
       const double least = negligible_pull * pulls.col(h).cwiseAbs().maxCoeff();
       pulls.col(h) = (pulls.col(h).array().abs() < least).select(0.0, pulls.col(h));

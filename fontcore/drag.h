@@ -10,6 +10,7 @@
 #include "fontcore/arcwise.h"
 #include "fontcore/constraint.h"
 #include "fontcore/contour.h"
+#include "fontcore/edit.h"
 #include "fontcore/outline_curve.h"
 #include "fontcore/wavelet.h"
 
@@ -37,9 +38,6 @@ double area_within_glyph(const std::vector<BezierContour>& glyph, std::size_t co
 struct DragHandle {
   /// A wish goes as far as rules and area let it; a pin is a rule of its own.
   enum class Hold { Wished, Pinned };
-  /// Direct manipulation of the curve's point at t, or the control point of the level that is nearest to t.
-  enum class Grip { Curve, ControlPoint };
-
   double t = 0.0;  ///< parameter at the finest level
   Hold hold = Hold::Wished;
   Grip grip = Grip::Curve;

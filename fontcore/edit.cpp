@@ -48,14 +48,28 @@ std::pair<double, double> moved_stretch(Scheme scheme, double t, int down) {
 
 }  // namespace
 
-double breadth_of_level(const OutlineCurve& curve, double t, int levels_down) {
+namespace {
+
+double breadth_below(const OutlineCurve& curve, double t, int levels_down) {
   if (moved_spans(Scheme::Chaikin) >= curve.size() >> levels_down) return curve.length();
   const auto [from, to] = moved_stretch(Scheme::Chaikin, t, levels_down);
   return curve.arc_length(from, to);
 }
 
+}  // namespace
+
+double breadth_of_level(const OutlineCurve& curve, double t, double level) {
+  if (!(level >= 0.0 && level <= curve.levels())) {
+    throw InvalidInput(text("breadth_of_level: level ", level, " of a curve with levels 0 to ", curve.levels()));
+  }
+  const int coarser = static_cast<int>(std::floor(level));
+  const double broad = breadth_below(curve, t, curve.levels() - coarser);
+  if (level == coarser) return broad;
+  return broad + (level - coarser) * (breadth_below(curve, t, curve.levels() - coarser - 1) - broad);
+}
+
 double level_of_breadth(const OutlineCurve& curve, double t, double breadth) {
-  return level_between(curve.levels(), breadth, [&](int down) { return breadth_of_level(curve, t, down); });
+  return level_between(curve.levels(), breadth, [&](int down) { return breadth_below(curve, t, down); });
 }
 
 double level_of_breadth(const MultiresCurve& curve, double t, double breadth) {
@@ -121,12 +135,25 @@ MultiresCurve carry_details(const MultiresCurve& curve, int level, const Coeffic
 }
 
 Sweep sweep(const OutlineCurve& curve, double t, const Point& move, double breadth, const SweepOptions& options) {
+  if (!std::isfinite(t)) throw InvalidInput(text("sweep: a move at parameter ", t));
+  return sweep_at_level(curve, t, move, level_of_breadth(curve, t, breadth), options);
+}
+
+Sweep sweep_at_level(const OutlineCurve& curve, double t, const Point& move, double level,
+                     const SweepOptions& options) {
   if (!is_closed(options.scheme)) throw InvalidInput("sweep: an outline is closed, the scheme is not");
   if (!std::isfinite(t) || !move.allFinite()) {
     throw InvalidInput(text("sweep: a move by ", move.x(), ", ", move.y(), " at parameter ", t));
   }
-  const double level = level_of_breadth(curve, t, breadth);
-  Eigen::VectorXd weights = reconstruct(pull(options.scheme, curve.size(), curve.levels(), t, level));
+  const auto pulled = [&] {
+    if (options.grip == Grip::Curve) return pull(options.scheme, curve.size(), curve.levels(), t, level);
+    const int finer = static_cast<int>(std::ceil(level));
+    const int down = curve.levels() - finer;
+    const int count = curve.size() >> std::max(down, 0);
+    const auto nearest = static_cast<int>(std::lround(coarser_parameter(t, down)));
+    return pull_control_point(options.scheme, curve.size(), curve.levels(), ((nearest % count) + count) % count, level);
+  };
+  Eigen::VectorXd weights = reconstruct(pulled());
   weights = (weights.array().abs() * move.norm() < negligible * curve.length()).select(0.0, weights);
   Sweep result{weights * move.transpose(), t, level};
   if (options.detail == DetailFrame::Fixed) return result;
@@ -139,6 +166,7 @@ Sweep sweep(const OutlineCurve& curve, double t, const Point& move, double bread
   for (Eigen::Index i = 0; i < result.field.rows(); ++i) {
     if (weights[i] == 0.0 && result.field.row(i).norm() < negligible * curve.length()) result.field.row(i).setZero();
   }
+  if (options.grip == Grip::ControlPoint) return result;
   const Point missed = move - evaluate(options.scheme, result.field, t).transpose();
   result.field += weights * missed.transpose();
   return result;

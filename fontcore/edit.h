@@ -11,7 +11,7 @@ namespace fontcore {
 /// The displacement that moves the broad shape of an outline near one place, before any rule is applied.
 struct Sweep {
   Points field;        ///< displacement of the spline's control points, N×2
-  double t = 0.0;      ///< parameter of the handle; the field there is the move, exactly
+  double t = 0.0;      ///< parameter of the handle; the field there is the move, exactly, if the curve is dragged
   double level = 0.0;  ///< fractional level j + t: wavelet details finer than level ceil(j + t) are 0
 };
 
@@ -34,9 +34,13 @@ enum class DetailFrame {
 /// Source  [FS94] orientation of detail; unit tangents there are Tangent here.
 MultiresCurve carry_details(const MultiresCurve& curve, int level, const CoefficientsView& coarse, DetailFrame frame);
 
+/// What is dragged: the outline at a parameter, or the control point of the level that is nearest to it.
+enum class Grip { Curve, ControlPoint };
+
 struct SweepOptions {
   Scheme scheme = Scheme::Chaikin;
   DetailFrame detail = DetailFrame::Fixed;
+  Grip grip = Grip::Curve;
 };
 
 /// Direct manipulation at a fractional level: the outline's point at parameter t is moved by `move`, and a stretch of
@@ -51,6 +55,11 @@ struct SweepOptions {
 /// Throws  InvalidInput if breadth is not positive, t or the move not finite, or the scheme is for open arcs.
 /// Source  [FS94] editing at fractional levels, direct manipulation, editing a desired portion of the curve.
 Sweep sweep(const OutlineCurve& curve, double t, const Point& move, double breadth, const SweepOptions& options = {});
+
+/// The same at a fractional level, counted from the coarsest, instead of a breadth.
+/// Throws  InvalidInput if the level is not in [0, levels].
+Sweep sweep_at_level(const OutlineCurve& curve, double t, const Point& move, double level,
+                     const SweepOptions& options = {});
 
 /// Several handles at once: each point of the outline at a t moves by its own move, every stretch of `breadth`.
 ///
@@ -78,8 +87,9 @@ double level_of_breadth(const OutlineCurve& curve, double t, double breadth);
 /// own spline. Units   t at the finest level, as for `basis_row`.
 double level_of_breadth(const MultiresCurve& curve, double t, double breadth);
 
-/// Length of outline that direct manipulation at parameter t moves, at `levels_down` below the finest.
-double breadth_of_level(const OutlineCurve& curve, double t, int levels_down);
+/// Length of outline that direct manipulation at parameter t moves at a fractional level: the way back.
+/// Throws  InvalidInput if the level is not in [0, levels].
+double breadth_of_level(const OutlineCurve& curve, double t, double level);
 
 /// The field with both members of every corner pair moved by its value at the corner, so that corners stay corners.
 Points respect_corners(const OutlineCurve& curve, Points field);

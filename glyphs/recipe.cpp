@@ -110,8 +110,16 @@ Step read_sweep(ObjectReader& reader) {
     step.near = reader.take_point("near");
     step.move = reader.take_point("move");
   }
-  step.breadth = reader.take_number("breadth");
-  if (!(step.breadth > 0.0)) reader.fail("breadth", "must be positive");
+  if (reader.has("level")) {
+    step.level = reader.take_number("level");
+    if (!(*step.level >= 0.0)) reader.fail("level", "must not be negative");
+    const std::string grip = reader.take_choice("grip", {"curve", "control point"}, "curve");
+    if (grip == "control point") step.grip = fontcore::Grip::ControlPoint;
+    if (!step.more.empty()) reader.fail("level", "goes with one handle, several take a breadth");
+  } else {
+    step.breadth = reader.take_number("breadth");
+    if (!(step.breadth > 0.0)) reader.fail("breadth", "must be positive");
+  }
   step.pin = reader.take_flag("pin", false);
   const std::string detail = reader.take_choice("detail", {"xy", "tangent", "scaled tangent"}, "xy");
   if (detail == "tangent") step.detail = fontcore::DetailFrame::Tangent;

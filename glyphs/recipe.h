@@ -20,12 +20,14 @@ struct SweepHandle {
 
 /// Moves the broad shape near a place; detail rides along. [FS94] editing the sweep.
 struct SweepStep {
-  std::string glyph;              ///< name or code point; empty: every selected glyph
-  std::optional<int> contour;     ///< which contour; none: the one nearest to `near`
-  fontcore::Point near{0, 0};     ///< the nearest point of the outline is the handle, font units
-  fontcore::Point move{0, 0};     ///< where the handle is to go, font units
-  double breadth = 0.0;           ///< length of outline that the edit moves, font units
-  std::vector<SweepHandle> more;  ///< further handles on the same contour, dragged at once
+  std::string glyph;            ///< name or code point; empty: every selected glyph
+  std::optional<int> contour;   ///< which contour; none: the one nearest to `near`
+  fontcore::Point near{0, 0};   ///< the nearest point of the outline is the handle, font units
+  fontcore::Point move{0, 0};   ///< where the handle is to go, font units
+  double breadth = 0.0;         ///< length of outline that the edit moves, font units
+  std::optional<double> level;  ///< a fractional level instead of a breadth, 0 the coarsest of the contour
+  fontcore::Grip grip = fontcore::Grip::Curve;  ///< with a level: its control point nearest to `near` instead
+  std::vector<SweepHandle> more;                ///< further handles on the same contour, dragged at once
   fontcore::DetailFrame detail = fontcore::DetailFrame::Fixed;
   bool pin = false;  ///< the handle must land: what rules do not allow refuses the glyph
 };

@@ -226,12 +226,17 @@ class GlyphEditor {
       edit.handles.push_back({{segment, u}, amount * move});
       report.handles.push_back({evaluate(contour.segment(segment), u) - drawn_at_, move, Point::Zero()});
     }
-    const fontcore::Sweep sweep =
-        pulls.size() == 1 ? fontcore::sweep(curve, pulls[0].t, pulls[0].move, step.breadth, {.detail = step.detail})
-                          : fontcore::sweep(curve, pulls, step.breadth);
+    const fontcore::SweepOptions options{.detail = step.detail, .grip = step.grip};
+    const double breadth = step.level ? breadth_of_level(curve, pulls[0].t, *step.level) : step.breadth;
+    const fontcore::Sweep sweep = step.level ? sweep_at_level(curve, pulls[0].t, pulls[0].move, *step.level, options)
+                                  : pulls.size() == 1
+                                      ? fontcore::sweep(curve, pulls[0].t, pulls[0].move, breadth, options)
+                                      : fontcore::sweep(curve, pulls, breadth);
     edit.field = recipe_.keep.corners ? respect_corners(curve, sweep.field) : sweep.field;
-    edit.handle_move = step.pin ? fontcore::HandleMove::Pinned : handle_move_;
-    edit.breadth = step.breadth;
+    edit.handle_move = step.grip == fontcore::Grip::ControlPoint ? fontcore::HandleMove::Wished
+                       : step.pin                                ? fontcore::HandleMove::Pinned
+                                                                 : handle_move_;
+    edit.breadth = breadth;
     report.op = "sweep";
     report.level = sweep.level;
   }

@@ -123,7 +123,7 @@ TEST_CASE("without an area the answer is the least of energy and distance under 
   const int n = 32;
   const int level = 2;
   const double alpha = 3.0;
-  const DragHandle handle{.t = parameter_of(5, level, n), .grip = DragHandle::Grip::ControlPoint};
+  const DragHandle handle{.t = parameter_of(5, level, n), .grip = Grip::ControlPoint};
   Rows rows = {{"two points move alike", {{2 * 3, 1.0}, {2 * 20 + 1, -1.0}}, 0.0},
                {"one moves by 2", {{31, 1.0}}, 2.0}};
   for (const auto smoothness : {DragOptions::Smoothness::Displacement, DragOptions::Smoothness::Curve}) {
@@ -467,7 +467,7 @@ TEST_CASE("[HBS05] figure 5: the area is kept; a large alpha is nearer to the de
   const int n = 32;
   const int level = 1;  // of 8 control points; the paper counts levels from 1 control point
   const Points points = wavy(n);
-  const DragHandle handle{.t = parameter_of(2, level, n), .grip = DragHandle::Grip::ControlPoint};
+  const DragHandle handle{.t = parameter_of(2, level, n), .grip = Grip::ControlPoint};
   const auto edited = [&](double alpha, const Target& area) {
     const DragOptions options{.level = level,
                               .alpha = alpha,
@@ -495,7 +495,7 @@ TEST_CASE("[HBS05] figure 6: control points beyond 1, 2 and 5 neighbours are unt
   const Points points = wavy(n);
   const int grabbed = 6;
   const DragHandle handle{
-      .t = parameter_of(grabbed, level, n), .hold = DragHandle::Hold::Pinned, .grip = DragHandle::Grip::ControlPoint};
+      .t = parameter_of(grabbed, level, n), .hold = DragHandle::Hold::Pinned, .grip = Grip::ControlPoint};
   const Eigen::MatrixXd S =
       reconstruct({Eigen::MatrixXd::Identity(16, 16),
                    {Eigen::MatrixXd::Zero(16, 16), Eigen::MatrixXd::Zero(32, 16), Eigen::MatrixXd::Zero(64, 16)}});
@@ -521,8 +521,7 @@ TEST_CASE("[HBS05] figure 7: two coefficients give back the area and every detai
   const int n = 128;
   const int level = 0;  // of 4 control points
   const Points points = wavy(n);
-  const DragHandle handle{
-      .t = parameter_of(1, level, n), .hold = DragHandle::Hold::Pinned, .grip = DragHandle::Grip::ControlPoint};
+  const DragHandle handle{.t = parameter_of(1, level, n), .hold = DragHandle::Hold::Pinned, .grip = Grip::ControlPoint};
   DragSolver solver(points, {handle}, {.level = level, .neighbours = 1});
   const DragReport& report = solver.move(std::array{Point(0, 150)});
   CHECK(report.is_met());
@@ -569,7 +568,7 @@ TEST_CASE("options out of range are refused by name", "[drag]") {
   CHECK_THROWS_AS(DragSolver(points, {}, {.area = GivenValue{std::nan("")}}), InvalidInput);
   CHECK_THROWS_AS(DragSolver(points, {{.t = std::nan("")}}, {}), InvalidInput);
   CHECK_THROWS_AS(DragSolver(points, {}, {}, {{"nowhere", {{128, 1.0}}, 0.0}}), InvalidInput);
-  CHECK_THROWS_WITH(DragSolver(points, {{.grip = DragHandle::Grip::ControlPoint}}, {.level = 1.5}),
+  CHECK_THROWS_WITH(DragSolver(points, {{.grip = Grip::ControlPoint}}, {.level = 1.5}),
                     "DragSolver: level 1.5 is between levels: it has no control points");
   DragSolver solver(points, {{.t = 3.0}}, no_area);
   CHECK_THROWS_WITH(solver.move({}), "DragSolver::move: 0 deltas for 1 handles");

@@ -58,7 +58,7 @@ TEST_CASE("a broader sweep has a lower level, and the field changes continuously
 TEST_CASE("an integer level moves just the length it is asked for, and nothing beyond", "[edit]") {
   const double t = 12.4;
   for (int down = 0; down < specimen().levels() - 2; ++down) {
-    const double breadth = breadth_of_level(specimen(), t, down);
+    const double breadth = breadth_of_level(specimen(), t, specimen().levels() - down);
     const Sweep s = sweep(specimen(), t, Point(1, 0), breadth);
     CHECK(s.level == Approx(specimen().levels() - down));
     double first = 0.0;
@@ -182,6 +182,28 @@ TEST_CASE("a sweep that turns details lands its handle, and turns as little as i
       const Sweep little = sweep(specimen(), 20.3, Point(0.06, -0.03), breadth, {.detail = frame});
       CHECK(shapes::largest_distance(1000.0 * little.field, plain.field) < 250.0);
     }
+  }
+}
+
+TEST_CASE("a level and its breadth are two names of one sweep", "[edit]") {
+  for (const double level : {0.5, 1.0, 2.3, 3.0}) {
+    const double breadth = breadth_of_level(specimen(), 20.3, level);
+    CHECK(level_of_breadth(specimen(), 20.3, breadth) == Approx(level));
+    CHECK(shapes::largest_distance(sweep_at_level(specimen(), 20.3, Point(9, 4), level).field,
+                                   sweep(specimen(), 20.3, Point(9, 4), breadth).field) < 1e-9);
+  }
+  CHECK_THROWS_AS(breadth_of_level(specimen(), 20.3, 99.0), InvalidInput);
+  CHECK_THROWS_AS(sweep_at_level(specimen(), 20.3, Point(9, 4), -0.5), InvalidInput);
+}
+
+TEST_CASE("a control point of a level is dragged with its neighbours' help between levels", "[edit]") {
+  const int levels = specimen().levels();
+  for (const double level : {1.0, 1.6, 2.0, 2.7}) {
+    const Sweep s = sweep_at_level(specimen(), 20.3, Point(9, 4), level, {.grip = Grip::ControlPoint});
+    const MultiresCurve field = decompose(Scheme::Chaikin, s.field, levels);
+    const Coefficients seen = fractional(field, level);
+    const auto nearest = std::lround(coarser_parameter(20.3, levels - static_cast<int>(std::ceil(level))));
+    CHECK((seen.row(nearest) - Eigen::RowVector2d(9, 4)).norm() < 1e-9);
   }
 }
 

@@ -106,6 +106,13 @@ TEST_CASE("unknown and repeated keys, wrong types and what cannot be honoured ar
     return refusal(R"({"steps": [{"op": "sweep", "breadth": 90, )" + rest + "}]}");
   };
   CHECK(sweep(R"("handles": [{"near": [1, 2], "move": [3, 4]}, {"near": [5, 6], "move": [7, 8]}])").empty());
+  const auto by_level = [](const std::string& rest) {
+    return refusal(R"({"steps": [{"op": "sweep", "near": [1, 2], "move": [3, 4], )" + rest + "}]}");
+  };
+  CHECK(by_level(R"("level": 2.5, "grip": "control point")").empty());
+  CHECK(by_level(R"("level": -1)") == "r.json: steps[0].level: must not be negative");
+  CHECK(by_level(R"("level": 2, "breadth": 90)") == "r.json: steps[0].breadth: unknown key");
+  CHECK(by_level(R"("breadth": 90, "grip": "curve")") == "r.json: steps[0].grip: unknown key");
   CHECK(sweep(R"("handles": [])") == "r.json: steps[0].handles: must be a list of {\"near\", \"move\"}");
   CHECK(sweep(R"("handles": [{"near": [1, 2]}])") == "r.json: steps[0].handles[0].move: is missing");
   CHECK(sweep(R"("near": [1, 2], "move": [3, 4], "detail": "round")") ==

@@ -382,6 +382,27 @@ TEST_CASE("several handles are dragged at once, each to its own place", "[restyl
   CHECK_THAT(restyle_glyph(font, glyph.id, recipe_of(step)).report.refused, Catch::Contains("too near to each other"));
 }
 
+TEST_CASE("a sweep by level moves as one by its breadth, and may drag a control point of the level", "[restyle]") {
+  const Font font = load_font(bundled_ttf[0]);
+  const Glyph& glyph = font.glyphs[static_cast<std::size_t>(font.find("o"))];
+  const fontcore::Box box = fontcore::control_box(glyph.contours[0]);
+  SweepStep step = step_at({box.high.x(), 0.5 * (box.low + box.high).y()}, {30, 0}, 0);
+  step.level = 1.2;
+  const GlyphResult curve = restyle_glyph(font, glyph.id, recipe_of(step));
+  CHECK(curve.report.steps[0].level == 1.2);
+  CHECK((curve.report.steps[0].handles[0].got - Point(30, 0)).norm() < 1e-9);
+  step.grip = fontcore::Grip::ControlPoint;
+  const GlyphResult control = restyle_glyph(font, glyph.id, recipe_of(step));
+  CHECK(control.report.refused.empty());
+  CHECK(control.contours != curve.contours);
+  // The outline follows its control points part of the way.
+  CHECK(control.report.steps[0].handles[0].got.x() > 3.0);
+  CHECK(control.report.steps[0].handles[0].got.x() < 30.0);
+  step.level = 40.0;
+  CHECK_THAT(restyle_glyph(font, glyph.id, recipe_of(step)).report.refused,
+             Catch::Contains("level 40 of a curve with levels 0 to "));
+}
+
 TEST_CASE("a pinned handle lands, or its glyph is refused with the rules that stand against it", "[restyle]") {
   const Font font = load_font(bundled_ttf[0]);
   const Glyph& glyph = font.glyphs[static_cast<std::size_t>(font.find("o"))];

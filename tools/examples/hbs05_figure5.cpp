@@ -21,7 +21,7 @@ int main() {
     initial.row(i) << 1.2 * radius * std::cos(a), radius * std::sin(a);
   }
   const int finest = most_levels(Scheme::Chaikin, size);
-  const DragHandle handle{.t = finer_parameter(2, finest - level), .grip = DragHandle::Grip::ControlPoint};
+  const DragHandle handle{.t = finer_parameter(2, finest - level), .grip = Grip::ControlPoint};
   const auto drag = [&](double alpha, const Target& area) {
     DragSolver solver(initial, {handle},
                       {.level = level,

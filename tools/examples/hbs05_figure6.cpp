@@ -21,9 +21,8 @@ int main() {
     initial.row(i) << radius * std::cos(a), radius * std::sin(a);
   }
   const int finest = most_levels(Scheme::Chaikin, size);
-  const DragHandle handle{.t = finer_parameter(4, finest - level),
-                          .hold = DragHandle::Hold::Pinned,
-                          .grip = DragHandle::Grip::ControlPoint};
+  const DragHandle handle{
+      .t = finer_parameter(4, finest - level), .hold = DragHandle::Hold::Pinned, .grip = Grip::ControlPoint};
   const std::array move = {Point(30, 190)};
   const auto polygon = [&](const Points& points) { return from_level(decompose(points, finest), level).coarse; };
   DragSolver freely(initial, {handle}, {.level = level, .neighbours = 0, .area = AnyValue{}});

@@ -21,9 +21,8 @@ int main() {
     initial.row(i) << 1.3 * radius * std::cos(a), radius * std::sin(a);
   }
   const int finest = most_levels(Scheme::Chaikin, size);
-  const DragHandle handle{.t = finer_parameter(1, finest - level),
-                          .hold = DragHandle::Hold::Pinned,
-                          .grip = DragHandle::Grip::ControlPoint};
+  const DragHandle handle{
+      .t = finer_parameter(1, finest - level), .hold = DragHandle::Hold::Pinned, .grip = Grip::ControlPoint};
   const std::array move = {Point(0, 260)};
   DragSolver freely(initial, {handle}, {.level = level, .neighbours = 0, .area = AnyValue{}});
   freely.move(move);
