@@ -48,7 +48,10 @@ std::array<Bezier, 2> split(const Bezier& bezier, double u) {
   for (std::size_t level = 0; level <= n; ++level) {
     part[0].p[level] = q[0];
     part[1].p[n - level] = q[n - level];
-    for (std::size_t k = 0; k + level < n; ++k) q[k] = (1.0 - u) * q[k] + u * q[k + 1];
+    for (std::size_t k = 0; k + level < n; ++k) {
+      const Point between = (1.0 - u) * q[k] + u * q[k + 1];
+      q[k] = (q[k].array() == q[k + 1].array()).select(q[k], between);
+    }
   }
   return part;
 }

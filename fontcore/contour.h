@@ -29,7 +29,8 @@ struct Bezier {
 std::array<double, 4> bernstein(int degree, double u);
 Point evaluate(const Bezier& bezier, double u);
 Point derivative(const Bezier& bezier, double u);
-/// The two parts before and after u, by de Casteljau; their common end is the same point, bit for bit.
+/// The two parts before and after u, by de Casteljau; their common end is the same point, bit for bit. Coordinates
+/// that all control points share stay as they are.
 std::array<Bezier, 2> split(const Bezier& bezier, double u);
 /// Unit tangent at an end, from the first control point that differs from it; zero if none does.
 Point start_tangent(const Bezier& bezier);

@@ -12,6 +12,7 @@
 #include "fontcore/tensor.h"
 #include "fontcore/outline_curve.h"
 #include "fontcore/arcwise.h"
+#include "fontcore/soften.h"
 #include "fontcore/constraint.h"
 #include "fontcore/solve.h"
 #include "fontcore/edit.h"
