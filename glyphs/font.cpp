@@ -138,4 +138,16 @@ std::vector<int> dependents(const Font& font, const std::vector<int>& glyphs) {
   return reached;
 }
 
+int matched_in(const Font& font, int glyph) {
+  const std::vector<int> users = dependents(font, {glyph});
+  for (const int user : users) {
+    bool has_passed = false;  // a part that draws the glyph
+    for (const Component& part : glyph_at(font, user).components) {
+      has_passed = has_passed || std::binary_search(users.begin(), users.end(), part.glyph);
+      if (has_passed && part.matched_parent >= 0) return user;
+    }
+  }
+  return -1;
+}
+
 }  // namespace glyphs

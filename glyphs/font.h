@@ -81,4 +81,8 @@ std::vector<fontcore::BezierContour> compose(const Font& font, int glyph);
 /// sorted.
 std::vector<int> dependents(const Font& font, const std::vector<int>& glyphs);
 
+/// The first composite that places parts by matching points whose numbers count those of the glyph; -1 if none does. If
+/// the glyph had other points, other ones would be matched.
+int matched_in(const Font& font, int glyph);
+
 }  // namespace glyphs

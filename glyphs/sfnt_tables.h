@@ -239,17 +239,23 @@ struct Box {
 
 inline Box read_box(View glyph) { return {i16(glyph, 2), i16(glyph, 4), i16(glyph, 6), i16(glyph, 8)}; }
 
+/// Bytes of one component of a composite, from its flags.
+inline unsigned component_length(unsigned flags) {
+  enum : unsigned { words = 1, scale = 8, scale_xy = 0x40, matrix = 0x80 };
+  return 4u + (flags & words ? 4u : 2u) + (flags & scale ? 2u : flags & scale_xy ? 4u : flags & matrix ? 8u : 0u);
+}
+
 /// Bytes of instructions of a glyph; 0 for an empty one.
 inline int instruction_length(View glyph) {
   if (glyph.empty()) return 0;
   const int contours = i16(glyph, 0);
   if (contours >= 0) return contours == 0 ? 0 : u16(glyph, 10 + 2 * static_cast<std::uint64_t>(contours));
-  enum : unsigned { words = 1, scale = 8, more = 0x20, scale_xy = 0x40, matrix = 0x80, instructions = 0x100 };
+  enum : unsigned { more = 0x20, instructions = 0x100 };
   std::uint64_t at = 10;
   unsigned flags = more;
   while (flags & more) {
     flags = u16(glyph, at);
-    at += 4u + (flags & words ? 4u : 2u) + (flags & scale ? 2u : flags & scale_xy ? 4u : flags & matrix ? 8u : 0u);
+    at += component_length(flags);
   }
   return flags & instructions ? u16(glyph, at) : 0;
 }

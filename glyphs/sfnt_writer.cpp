@@ -29,6 +29,7 @@ using sfnt::Tag;
 using sfnt::tag;
 using sfnt::View;
 
+constexpr std::size_t most_points = 65535;  // of a simple glyph: the last one's number has 16 bits, maxp's count too
 constexpr int int16_min = std::numeric_limits<std::int16_t>::min();
 constexpr int int16_max = std::numeric_limits<std::int16_t>::max();
 bool fits_int16(double value) { return value >= int16_min && value <= int16_max; }
@@ -62,11 +63,14 @@ std::string list_names(const Font& font, const std::vector<int>& glyphs) {
   return glyphs.size() > shown ? text(list, " and ", glyphs.size() - shown, " more") : list;
 }
 
+bool has_same_structure(const std::vector<BezierContour>& a, const std::vector<BezierContour>& b) {
+  return std::ranges::equal(a, b, {}, &BezierContour::kinds, &BezierContour::kinds);
+}
+
 /// Same structure; same points, implied nodes aside, which follow their handles.
 bool is_same_outline(const std::vector<BezierContour>& a, const std::vector<BezierContour>& b) {
-  if (a.size() != b.size()) return false;
+  if (!has_same_structure(a, b)) return false;
   for (std::size_t c = 0; c < a.size(); ++c) {
-    if (a[c].kinds() != b[c].kinds()) return false;
     for (int i = 0; i < a[c].point_count(); ++i) {
       if (a[c].kind(i) != PointKind::ImpliedNode && a[c].point(i) != b[c].point(i)) return false;
     }
@@ -164,6 +168,7 @@ class Writer {
     move_composites();
     rebuild_tables();
     assemble();
+    std::ranges::sort(result_.dropped_instructions);
     warn();
     read_back();
     return std::move(result_);
@@ -188,15 +193,18 @@ class Writer {
         fail(id, text(contours.size(), " contours for the font's ", glyph.contours.size()));
       }
       for (std::size_t c = 0; c < contours.size(); ++c) {
-        if (contours[c].kinds() != glyph.contours[c].kinds()) {
-          fail(id, text("contour ", c, ": another structure than the font's, ", contours[c].point_count(),
-                        " points for ", glyph.contours[c].point_count()));
-        }
         for (int i = 0; i < contours[c].point_count(); ++i) {
           if (contours[c].kind(i) == PointKind::ImpliedNode) require_midpoint(id, c, contours[c], i);
         }
       }
-      if (!is_same_outline(contours, glyph.contours)) changed_.push_back(id);
+      if (is_same_outline(contours, glyph.contours)) continue;
+      changed_.push_back(id);
+      if (has_same_structure(contours, glyph.contours)) continue;
+      renumbered_.push_back(id);
+      if (const int user = matched_in(font_, id); user >= 0) {
+        fail(id,
+             text("its points are other ones now, and ", glyph_at(user).name, " matches its parts by point numbers"));
+      }
     }
   }
 
@@ -235,26 +243,25 @@ class Writer {
       if (stored.ends.size() != contours.size()) {
         fail(id, text("the font's data has ", stored.ends.size(), " contours, the glyph ", contours.size()));
       }
-      std::size_t next = 0;
+      stored.points.clear();
       Box box{int16_max, int16_max, int16_min, int16_min};
       for (std::size_t c = 0; c < contours.size(); ++c) {
         const BezierContour& contour = contours[c];
         for (int i = 0; i < contour.point_count(); ++i) {
           if (contour.kind(i) == PointKind::ImpliedNode) continue;
-          if (next > static_cast<std::size_t>(stored.ends[c]) ||
-              stored.points[next].on_curve != (contour.kind(i) == PointKind::Node)) {
-            fail(id, text("contour ", c, ", point ", i, ": the font's data has another structure"));
+          if (contour.kind(i) == PointKind::Cubic) {
+            fail(id, text("contour ", c, ", point ", i, ": a handle of a cubic, which TrueType does not have"));
           }
           const auto [x, y] = whole(id, c, contour, i);
-          stored.points[next].x = x;
-          stored.points[next].y = y;
+          const SimpleGlyph::Point point{x, y, contour.kind(i) == PointKind::Node};
           box = {std::min(box.x_min, x), std::min(box.y_min, y), std::max(box.x_max, x), std::max(box.y_max, y)};
-          if (next > 0) require_step(id, c, stored.points[next - 1], stored.points[next]);
-          ++next;
+          if (!stored.points.empty()) require_step(id, c, stored.points.back(), point);
+          stored.points.push_back(point);
         }
-        if (next != static_cast<std::size_t>(stored.ends[c]) + 1) {
-          fail(id, text("contour ", c, ": the font's data has another number of points"));
-        }
+        stored.ends[c] = static_cast<int>(stored.points.size()) - 1;
+      }
+      if (stored.points.size() > most_points) {
+        fail(id, text(stored.points.size(), " points, more than the ", most_points, " of the format"));
       }
       place(id, encode(stored, box), box);
       raise_maximum(6, static_cast<int>(stored.points.size()));
@@ -300,6 +307,19 @@ class Writer {
     new_glyphs_[static_cast<std::size_t>(id)] = std::move(bytes);
   }
 
+  /// Those of a composite: they stand behind its components and move points by their numbers.
+  static void drop_instructions(Bytes& composite) {
+    enum : unsigned { more = 0x20, instructions = 0x100 };
+    std::uint64_t at = 10;
+    unsigned flags = more;
+    while (flags & more) {
+      flags = sfnt::u16(composite, at);
+      put_u16(composite, at, static_cast<int>(flags & ~instructions));
+      at += sfnt::component_length(flags);
+    }
+    composite.resize(at);
+  }
+
   void raise_maximum(std::uint64_t offset, int value) {
     Bytes& maxp = rebuilt_[tag("maxp")];
     if (sfnt::u16(maxp, offset) < value) put_u16(maxp, offset, value);
@@ -308,14 +328,18 @@ class Writer {
   void move_composites() {
     Font after = font_;
     for (const int id : changed_) after.glyphs[static_cast<std::size_t>(id)].contours = edited_.at(id);
+    const std::vector<int> has_other_points = dependents(font_, renumbered_);
     for (const int id : dependents(font_, changed_)) {
       if (!glyph_at(id).is_composite()) continue;
       result_.moved_composites.push_back(id);
+      int point_count = 0;
       double low_x = std::numeric_limits<double>::infinity();
       double low_y = low_x;
       double high_x = -low_x;
       double high_y = -low_x;
       for (const BezierContour& contour : compose(after, id)) {
+        point_count +=
+            static_cast<int>(contour.point_count() - std::ranges::count(contour.kinds(), PointKind::ImpliedNode));
         low_x = std::min(low_x, contour.points().col(0).minCoeff());
         low_y = std::min(low_y, contour.points().col(1).minCoeff());
         high_x = std::max(high_x, contour.points().col(0).maxCoeff());
@@ -331,6 +355,13 @@ class Writer {
       const View old = old_glyphs_[static_cast<std::size_t>(id)];
       Bytes bytes(old.begin(), old.end());
       put_box(bytes, 2, box);
+      if (std::ranges::binary_search(has_other_points, id)) {
+        raise_maximum(10, point_count);
+        if (glyph_at(id).has_instructions) {
+          drop_instructions(bytes);
+          result_.dropped_instructions.push_back(id);
+        }
+      }
       place(id, std::move(bytes), box);
     }
   }
@@ -543,6 +574,7 @@ class Writer {
   const Font& font_;
   const EditedGlyphs& edited_;
   std::vector<int> changed_;
+  std::vector<int> renumbered_;  // of those, the ones with another structure
   sfnt::Directory directory_;
   sfnt::Basics basics_;
   std::vector<View> old_glyphs_;

@@ -205,7 +205,8 @@ TEST_CASE("what cannot be stored is refused with file, glyph and numbers", "[sfn
   CHECK(refused(1, at_first(1, -32768, 0)) ==
         "small.ttf: A: contour 0: the step from (-32768, 0) to (300, 0) does not fit in 16 bits");
   CHECK(refused(1, {}) == "small.ttf: A: 0 contours for the font's 1");
-  CHECK(refused(1, font.glyphs[2].contours).starts_with("small.ttf: A: contour 0: another structure"));
+  const BezierContour cubic(Points::Zero(3, 2), {PointKind::Node, PointKind::Cubic, PointKind::Cubic});
+  CHECK(refused(1, {cubic}) == "small.ttf: A: contour 0, point 1: a handle of a cubic, which TrueType does not have");
   CHECK(refused(3, {}) == "small.ttf: C: is a composite; it is edited through its components");
   CHECK(refused(9, {}) == "small.ttf: glyph 9 is no glyph of the font, which has 4");
   auto implied = font.glyphs[2].contours;
@@ -227,4 +228,86 @@ TEST_CASE("contours of one and two points survive an edit beside them", "[sfnt_w
   const Font read = glyphs::load_font("again.ttf", write_sfnt(font, {{1, wanted}}).data);
   REQUIRE(read.glyphs[1].contours.size() == 3);
   CHECK(read.glyphs[1].contours == wanted);
+}
+
+namespace {
+
+/// Contours of a font that was never in a file, as a TrueType point list has them.
+std::vector<BezierContour> of_points(const sfnt_bytes::Contours& contours) {
+  std::vector<BezierContour> result;
+  for (const auto& contour : contours) {
+    Points points(static_cast<Eigen::Index>(contour.size()), 2);
+    std::vector<bool> on_curve;
+    for (std::size_t i = 0; i < contour.size(); ++i) {
+      points.row(static_cast<Eigen::Index>(i)) << contour[i].x, contour[i].y;
+      on_curve.push_back(contour[i].on_curve);
+    }
+    result.push_back(fontcore::from_quadratic_points(points, on_curve));
+  }
+  return result;
+}
+
+}  // namespace
+
+TEST_CASE("a glyph may come back with other points, and maxima, boxes and overlap flag follow", "[sfnt_writer]") {
+  const Font font = load_small({{}, triangle, rounded, composite({{.glyph = 1, .first = 100}, {.glyph = 2}})});
+  const auto wanted = of_points({{{0, 10}, {0, 0, false}, {10, 0}, {310, 0}, {150, 200, false}, {50, 300, false}}});
+  const auto written = write_sfnt(font, {{1, wanted}});
+  const auto tables = tables_of(written.data);
+  const auto glyph = glyphs_of(tables).at(1);
+  CHECK(get16(glyph, 10) == 5);          // the last point
+  CHECK((glyph.at(14) & 0x40) == 0x40);  // overlapping
+  CHECK(get16(tables.at("maxp"), 6) >= 6);
+  CHECK(get16(tables.at("maxp"), 10) >= 10);
+  CHECK(written.dropped_instructions == std::vector{1});
+  CHECK(written.moved_composites == std::vector{3});
+  CHECK(get16(glyphs_of(tables).at(3), 6) == 410);
+  const Font read = glyphs::load_font("again.ttf", written.data);
+  CHECK(read.glyphs[1].contours == wanted);
+  CHECK(read.glyphs[2].contours == font.glyphs[2].contours);
+  CHECK(write_sfnt(read, {{1, font.glyphs[1].contours}}).data != written.data);
+}
+
+TEST_CASE("other points in a glyph take the instructions of composites that count them", "[sfnt_writer]") {
+  constexpr int has_instructions = 0x0100;
+  Bytes user = composite({{.glyph = 1, .first = 100}, {.glyph = 2, .more_flags = has_instructions}});
+  const Bytes plain = composite({{.glyph = 1, .first = 100}, {.glyph = 2}});
+  const Bytes program{0, 1, 0x4F};
+  user.insert(user.end(), program.begin(), program.end());
+  const Font font = load_small({{}, triangle, rounded, user});
+  REQUIRE(font.glyphs[3].has_instructions);
+  const auto moved_alone = write_sfnt(font, {{1, shifted(font, 1, 1, 0)}});
+  CHECK(moved_alone.dropped_instructions == std::vector{1});
+  const auto written = write_sfnt(font, {{1, of_points({{{0, 0}, {300, 0}, {300, 300}, {0, 300}}})}});
+  CHECK(written.dropped_instructions == std::vector{1, 3});
+  const Bytes stored = glyphs_of(tables_of(written.data)).at(3);
+  REQUIRE(stored.size() >= plain.size());
+  CHECK(Bytes(stored.begin() + 10, stored.begin() + static_cast<std::ptrdiff_t>(plain.size())) ==
+        Bytes(plain.begin() + 10, plain.end()));
+  CHECK_FALSE(glyphs::load_font("again.ttf", written.data).glyphs[3].has_instructions);
+}
+
+TEST_CASE("other points in a glyph whose points a composite matches by number are refused", "[sfnt_writer]") {
+  const auto matches = [](int first, int second) {
+    return composite({{.glyph = first}, {.glyph = second, .first = 1, .second = 2, .is_shift = false}});
+  };
+  const Font font = load_small({{}, triangle, rounded, matches(1, 2), composite({{.glyph = 3}, {.glyph = 1}})});
+  const auto four = of_points({{{0, 0}, {300, 0}, {300, 300}, {0, 300}}});
+  for (const int glyph : {1, 2}) {
+    CHECK(glyphs::matched_in(font, glyph) == 3);
+    const std::string name = font.glyphs[static_cast<std::size_t>(glyph)].name;
+    CHECK(message_of<FontWriteError>([&] {
+            write_sfnt(font, {{glyph, four}});
+          }) == "small.ttf: " + name + ": its points are other ones now, and C matches its parts by point numbers");
+    CHECK_NOTHROW(write_sfnt(font, {{glyph, shifted(font, glyph, 1, 0)}}));
+  }
+  // What stands behind all matches is counted by none.
+  const Font behind =
+      load_small({{},
+                  triangle,
+                  rounded,
+                  rounded,
+                  composite({{.glyph = 1}, {.glyph = 2, .first = 1, .second = 2, .is_shift = false}, {.glyph = 3}})});
+  CHECK(glyphs::matched_in(behind, 2) == 4);
+  CHECK(glyphs::matched_in(behind, 3) == -1);
 }
