@@ -349,7 +349,8 @@ class WholeNumbers {
     unknown_.assign(static_cast<std::size_t>(2 * n), -1);
     std::map<int, int> ids;
     for (int p = 0; p < n; ++p) {
-      const bool moved = edited.point(p) != original.point(p);
+      const bool is_new = !goal.is_new.empty() && goal.is_new[static_cast<std::size_t>(p)];
+      const bool moved = is_new || edited.point(p) != original.point(p);
       for (int axis = 0; axis < 2; ++axis) {
         const auto v = static_cast<std::size_t>(2 * p + axis);
         if (edited.kind(p) == PointKind::ImpliedNode) continue;
@@ -360,7 +361,8 @@ class WholeNumbers {
         }
         unknown_[v] = id->second;
         const auto k = static_cast<std::size_t>(id->second);
-        if (!moved || held[v]) locked_[k] = true;
+        const double at = edited.points()(p, axis);
+        if (!moved || (held[v] && !(is_new && at != std::floor(at)))) locked_[k] = true;
       }
     }
     for (std::size_t k = 0; k < exact_.size(); ++k)
@@ -698,6 +700,10 @@ class WholeNumbers {
 Rounding round_keeping_area(const BezierContour& edited, const BezierContour& original, const OutlineRules& rules,
                             const RoundingGoal& goal) {
   if (edited.kinds() != original.kinds()) throw InvalidInput("round_keeping_area: the contours differ in structure");
+  if (!goal.is_new.empty() && goal.is_new.size() != edited.kinds().size()) {
+    throw InvalidInput(
+        text("round_keeping_area: ", goal.is_new.size(), " marks for ", edited.point_count(), " points"));
+  }
   return WholeNumbers(edited, original, rules, goal).search();
 }
 

@@ -71,7 +71,8 @@ struct Rounding {
 
 /// Rounds an edited outline so that its signed area is as near `area` as the neighbouring whole numbers allow.
 ///
-/// Coordinates that rules tie are one unknown; points that have not moved from `original` stay. Every other unknown
+/// Coordinates that rules tie are one unknown; points that have not moved from `original` stay, unless they are new.
+/// Every other unknown
 /// takes its floor or its ceiling, one further if the area is still off;
 /// an outline of few unknowns is searched further, for the area before the handle. Smooth joins stay
 /// within 1.5 degrees where that can be; handles, if given, end within one unit of their places.
@@ -84,6 +85,7 @@ struct RoundingGoal {
   double area = 0.0;   ///< wished signed area of the contour, square units
   double scale = 0.0;  ///< what relative errors are relative to: the glyph's area
   std::vector<OutlineCurve::Location> handles;
+  std::vector<bool> is_new{};  ///< per point: it has no place of its own in the font to stay at; empty if all have
 };
 Rounding round_keeping_area(const BezierContour& edited, const BezierContour& original, const OutlineRules& rules,
                             const RoundingGoal& goal);

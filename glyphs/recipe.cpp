@@ -154,11 +154,32 @@ Step read_equalize(ObjectReader& reader) {
   return step;
 }
 
+Step read_soften(ObjectReader& reader) {
+  SoftenStep step;
+  step.radius = reader.take_number("radius");
+  if (!(step.radius >= 0.0)) reader.fail("radius", "must not be negative");
+  if (!reader.has("corners")) return step;
+  if (!reader.has("contour")) reader.fail("corners", "are points of one contour; \"contour\" is missing");
+  const Json& corners = reader.take("corners");
+  if (!corners.is_array()) reader.fail("corners", "must be a list of point numbers");
+  step.corners.emplace();
+  for (const Json& number : corners) {
+    if (!number.is_number_integer() || number.get<std::int64_t>() < 0 || number.get<std::int64_t>() > 65535) {
+      reader.fail("corners", "a point number is a whole number from 0");
+    }
+    step.corners->push_back(number.get<int>());
+  }
+  return step;
+}
+
 Step read_step(const Json& json, const std::string& path) {
   ObjectReader reader(json, path);
-  const std::string op = reader.take_choice("op", {"sweep", "smooth", "equalize", "character", "weight"}, "");
+  const std::string op = reader.take_choice("op", {"sweep", "smooth", "equalize", "soften", "character", "weight"}, "");
   if (op == "character" || op == "weight" || op.empty()) reader.fail("op", "\"" + op + "\" " + later);
-  Step step = op == "sweep" ? read_sweep(reader) : op == "smooth" ? read_smooth(reader) : read_equalize(reader);
+  Step step = op == "sweep"      ? read_sweep(reader)
+              : op == "smooth"   ? read_smooth(reader)
+              : op == "equalize" ? read_equalize(reader)
+                                 : read_soften(reader);
   const std::string glyph = reader.take_text("glyph", "");
   const std::optional<int> contour = reader.take_contour();
   std::visit(

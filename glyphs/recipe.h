@@ -48,7 +48,18 @@ struct EqualizeStep {
   std::vector<fontcore::Band> bands;  ///< scales rising, font units
 };
 
-using Step = std::variant<SweepStep, SmoothStep, EqualizeStep>;
+/// Rounds corners by a radius. Every one becomes an arc with points of its own, so the contour changes its structure;
+/// later steps work on the rounded outline, and the area it has is what they keep. Frozen corners stay.
+struct SoftenStep {
+  std::string glyph;  ///< as in SmoothStep
+  std::optional<int> contour;
+  double radius = 0.0;  ///< of the arcs, font units; less where a leg is too short
+  /// Points of the contour that become arcs, whatever their turn: with one list masters of one structure stay of one.
+  /// Numbers as the font has them: from 0, implied nodes not counted. None: every corner with room for an arc.
+  std::optional<std::vector<int>> corners;
+};
+
+using Step = std::variant<SweepStep, SmoothStep, EqualizeStep, SoftenStep>;
 
 enum class KeepArea { Glyph, Contour, None };
 enum class OnCrossing { Reduce, Refuse, Allow };

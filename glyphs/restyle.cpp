@@ -11,12 +11,14 @@
 #include "fontcore/edit.h"
 #include "fontcore/fit.h"
 #include "fontcore/measure.h"
+#include "fontcore/soften.h"
 #include "glyphs/error.h"
 
 namespace glyphs {
 
 namespace {
 
+using fontcore::Bezier;
 using fontcore::BezierContour;
 using fontcore::Point;
 using fontcore::text;
@@ -25,6 +27,7 @@ using Contours = std::vector<BezierContour>;
 constexpr int usual_points = 64;            // of a model, at least
 constexpr int most_points = 1024;           // that a step may ask for
 constexpr double points_per_feature = 8.0;  // of the length of a rounded corner
+constexpr double least_cut = 4.0;           // units of a leg: handles of a smaller arc would be one unit long
 constexpr double bisection_width = 0.01;    // of the amount
 constexpr double worth_a_note = 5e-4;       // area error after rounding, relative
 
@@ -39,12 +42,24 @@ struct Refusal {
   std::string reason;
 };
 
+// What the steps on a contour, and its rounding, keep to: the font's own outline, or what softening made of it.
+struct Reference {
+  BezierContour contour;
+  std::vector<int> came_from;  // per point its index in the font's contour; -1 if it is new
+  fontcore::Rows frozen;
+};
+
 // The whole flow at one amount.
 struct Attempt {
   Contours unrounded;
   Contours rounded;
   std::vector<StepReport> steps;
+  double area = 0.0;  // that the glyph is to have
 };
+
+bool has_same_structure(const Contours& a, const Contours& b) {
+  return std::ranges::equal(a, b, {}, &BezierContour::kinds, &BezierContour::kinds);
+}
 
 class GlyphEditor {
  public:
@@ -100,12 +115,18 @@ class GlyphEditor {
     handle_move_ = handle_move;
     Attempt result;
     result.unrounded = original_;
+    references_.clear();
+    for (std::size_t k = 0; k < original_.size(); ++k) {
+      references_.push_back({original_[k], std::vector<int>(original_[k].kinds().size()), frozen_[k]});
+      std::iota(references_[k].came_from.begin(), references_[k].came_from.end(), 0);
+    }
     std::vector<std::vector<fontcore::OutlineCurve::Location>> handles(original_.size());
     for (const PlacedStep& placed : steps_) {
       const auto k = static_cast<std::size_t>(placed.contour);
       result.steps.push_back(apply(placed, amount, result.unrounded, handles[k]));
     }
     result.rounded = rounded(result, handles);
+    for (const Reference& reference : references_) result.area += signed_area(reference.contour);
     return result;
   }
 
@@ -133,6 +154,10 @@ class GlyphEditor {
     const bool changes =
         std::any_of(step.bands.begin(), step.bands.end(), [](const auto& band) { return band.gain != 1.0; });
     if (changes) place_on_contours(step, step.contour);
+  }
+  void place(SoftenStep step, double unit) {
+    step.radius *= unit;
+    if (step.radius > 0.0) place_on_contours(step, step.contour);
   }
   void place_on_contours(const Step& step, std::optional<int> contour) {
     if (contour) {
@@ -265,22 +290,99 @@ class GlyphEditor {
     }
   }
 
+  // The segment that starts at a point of the font's contour, given by its number there.
+  int segment_at(int number, int index) const {
+    const BezierContour& own = original_[static_cast<std::size_t>(index)];
+    int point = -1;
+    int stored = 0;
+    for (int i = 0; i < own.point_count(); ++i) {
+      if (own.kind(i) == fontcore::PointKind::ImpliedNode) continue;
+      if (stored++ == number) point = i;
+    }
+    if (point < 0) throw Refusal{text("contour ", index, ": there is no point ", number, ": it has ", stored)};
+    if (!is_node(own.kind(point))) throw Refusal{text("contour ", index, ": point ", number, " is no node")};
+    const Reference& reference = references_[static_cast<std::size_t>(index)];
+    for (int s = 0; s < reference.contour.segment_count(); ++s) {
+      if (reference.came_from[static_cast<std::size_t>(reference.contour.node(s))] == point) return s;
+    }
+    throw Refusal{text("contour ", index, ": point ", number, " is an arc already")};
+  }
+
+  // Arcs for corners: the contour so far, as it stands, is what later steps and rounding keep to.
+  StepReport soften(const SoftenStep& step, int index, double amount, BezierContour& contour) {
+    Reference& reference = references_[static_cast<std::size_t>(index)];
+    StepReport report;
+    report.op = "soften";
+    report.contour = index;
+    fontcore::SoftenOptions options{.radius = amount * step.radius, .least_cut = least_cut};
+    options.arcs = font_.format == OutlineFormat::TrueType ? fontcore::ArcKind::Quadratic : fontcore::ArcKind::Cubic;
+    std::vector<int>& corners = options.corners.emplace();
+    if (step.corners) {
+      options.empty = fontcore::EmptyArc::Add;
+      for (const int number : *step.corners) corners.push_back(segment_at(number, index));
+    } else {
+      const std::vector<double> turns = turning_angles(contour);
+      for (int s = 0; s < contour.segment_count(); ++s) {
+        if (std::abs(turns[static_cast<std::size_t>(s)]) > options.corner_angle) corners.push_back(s);
+      }
+    }
+    const auto is_frozen = [&](int segment) {
+      const int point = contour.node(segment);
+      return std::any_of(reference.frozen.begin(), reference.frozen.end(),
+                         [&](const fontcore::Row& row) { return row.terms.front().variable / 2 == point; });
+    };
+    if (const auto left = std::erase_if(corners, is_frozen); left > 0) {
+      report.against.push_back(text("frozen: ", left, " of its corners"));
+    }
+    const fontcore::Softened softened = fontcore::soften(contour, options);
+    report.corners = static_cast<int>(softened.corners.size());
+    if (softened.corners.empty()) return report;
+    report.least_radius = options.radius;
+    for (const auto& corner : softened.corners) report.least_radius = std::min(report.least_radius, corner.radius);
+
+    Reference now{softened.contour, softened.came_from, {}};
+    std::vector<int> index_now(reference.came_from.size(), -1);
+    for (std::size_t i = 0; i < now.came_from.size(); ++i) {
+      int& from = now.came_from[i];
+      if (from < 0) continue;
+      index_now[static_cast<std::size_t>(from)] = static_cast<int>(i);
+      from = reference.came_from[static_cast<std::size_t>(from)];
+    }
+    for (fontcore::Row row : reference.frozen) {  // no frozen point is gone: its corners have stayed
+      for (auto& term : row.terms) {
+        term.variable = 2 * index_now[static_cast<std::size_t>(term.variable / 2)] + term.variable % 2;
+      }
+      now.frozen.push_back(std::move(row));
+    }
+    reference = std::move(now);
+    contour = softened.contour;
+    return report;
+  }
+
   StepReport apply(const PlacedStep& placed, double amount, Contours& contours,
                    std::vector<fontcore::OutlineCurve::Location>& handles) {
     BezierContour& contour = contours[static_cast<std::size_t>(placed.contour)];
+    if (const auto* const step = std::get_if<SoftenStep>(&placed.step)) {
+      handles.clear();  // their segments have other numbers now, and their places are part of the outline that is kept
+      return soften(*step, placed.contour, amount, contour);
+    }
     const fontcore::OutlineCurve curve = curve_of(placed.contour, contour, fewest_points(placed.step, contour));
     StepReport report;
     report.contour = placed.contour;
     report.levels = curve.levels();
     fontcore::StructureEdit edit;
-    std::visit([&](const auto& step) { wish(step, amount, curve, edit, report); }, placed.step);
+    std::visit(
+        [&](const auto& step) {
+          if constexpr (!std::is_same_v<decltype(step), const SoftenStep&>) wish(step, amount, curve, edit, report);
+        },
+        placed.step);
     if (edit.field.isZero(0.0)) return report;
     edit.rules = rules_;
-    edit.rows = frozen_[static_cast<std::size_t>(placed.contour)];
+    const Reference& reference = references_[static_cast<std::size_t>(placed.contour)];
+    edit.rows = reference.frozen;
     // Every step gives its own area back, so glyph and contour ask the same of it; they differ in rounding.
-    if (recipe_.keep.area != KeepArea::None)
-      edit.area = signed_area(original_[static_cast<std::size_t>(placed.contour)]);
-    if (recipe_.keep.length) edit.length = length(original_[static_cast<std::size_t>(placed.contour)]);
+    if (recipe_.keep.area != KeepArea::None) edit.area = signed_area(reference.contour);
+    if (recipe_.keep.length) edit.length = length(reference.contour);
     // What works arc by arc keeps corners to the last bit, unless they alone could give the area back.
     const bool holds_corners = report.op != "sweep" && corners() == fontcore::Corners::Keep;
     fontcore::StructureEdit held = edit;
@@ -313,12 +415,22 @@ class GlyphEditor {
     const double total = signed_area(original_);
     for (std::size_t k = 0; k < solved.size(); ++k) {
       if (solved[k] == original_[k]) continue;
+      const Reference& reference = references_[k];
       fontcore::RoundingGoal goal{signed_area(solved[k]), std::abs(total), handles[k]};
+      if (reference.contour != original_[k]) {
+        for (std::size_t i = 0; i < reference.came_from.size(); ++i) {
+          const int from = reference.came_from[i];
+          const int now = static_cast<int>(i);
+          // A node that was implied has no place of its own in the font, and may lie at halves.
+          goal.is_new.push_back(from < 0 || reference.contour.kind(now) != original_[k].kind(from) ||
+                                reference.contour.point(now) != original_[k].point(from));
+        }
+      }
       if (recipe_.keep.area == KeepArea::Glyph) {  // what the contours before lost to rounding is made good here
         for (std::size_t other = 0; other < k; ++other)
           goal.area += signed_area(solved[other]) - signed_area(result[other]);
       }
-      fontcore::Rounding rounding = round_keeping_area(solved[k], original_[k], rules_, goal);
+      fontcore::Rounding rounding = round_keeping_area(solved[k], reference.contour, rules_, goal);
       result[k] = std::move(rounding.contour);
       if (rounding.handle_error > 1.0) {
         const auto last = std::find_if(attempt.steps.rbegin(), attempt.steps.rend(),
@@ -341,6 +453,7 @@ class GlyphEditor {
   std::vector<PlacedStep> steps_;
   fontcore::OutlineRules rules_;
   std::vector<fontcore::Rows> frozen_;  // per contour
+  std::vector<Reference> references_;   // per contour, of the attempt being made
   std::vector<std::optional<fontcore::OutlineCurve>> curves_;
 };
 
@@ -352,13 +465,33 @@ int segment_count(const Contours& contours) {
 
 int kept_segments(const Contours& before, const Contours& after) {
   int kept = 0;
-  for (std::size_t k = 0; k < before.size(); ++k) kept += equal_segments(before[k], after[k]);
+  for (std::size_t k = 0; k < before.size(); ++k) {
+    if (before[k].kinds() == after[k].kinds()) {
+      kept += equal_segments(before[k], after[k]);
+      continue;
+    }
+    std::vector<Bezier> old;
+    for (int s = 0; s < before[k].segment_count(); ++s) old.push_back(before[k].segment(s));
+    for (int s = 0; s < after[k].segment_count(); ++s) {
+      const Bezier now = after[k].segment(s);
+      kept += std::any_of(old.begin(), old.end(),
+                          [&](const Bezier& was) { return was.degree == now.degree && was.p == now.p; })
+                  ? 1
+                  : 0;
+    }
+  }
   return kept;
 }
 
-double largest_displacement(const Contours& before, const Contours& after) {
+// Of the points; of contours with other points, the distance of the outlines.
+double largest_displacement(const Contours& before, const Contours& after, double step) {
   double largest = 0.0;
   for (std::size_t k = 0; k < before.size(); ++k) {
+    if (before[k].kinds() != after[k].kinds()) {
+      largest =
+          std::max(largest, fontcore::two_sided_distance(to_polyline(before[k], step), to_polyline(after[k], step)));
+      continue;
+    }
     largest = std::max(largest, (after[k].points() - before[k].points()).rowwise().norm().maxCoeff());
   }
   return largest;
@@ -391,6 +524,8 @@ template <typename Added>
 Attempt reduced(GlyphEditor& editor, Attempt best, const Added& added, GlyphReport& report) {
   for (StepReport& step : best.steps) {
     for (HandleReport& handle : step.handles) handle.got = Point::Zero();
+    step.corners = 0;
+    step.least_radius = 0.0;
   }
   report.amount = 0.0;
   for (double unsafe = 1.0; unsafe - report.amount > bisection_width;) {
@@ -462,8 +597,14 @@ GlyphResult restyle_glyph(const Font& font, int id, const Recipe& recipe, const 
     if (recipe.on_crossing != OnCrossing::Allow && added(best) > 0) {
       if (recipe.on_crossing == OnCrossing::Refuse) throw Refusal{text("crossings that the edit adds: ", added(best))};
       if (editor.has_pin()) throw Refusal{text("crossings that the pinned move adds: ", added(best))};
-      best = reduced(editor, Attempt{glyph.contours, glyph.contours, best.steps}, added, report);
+      best = reduced(editor, Attempt{glyph.contours, glyph.contours, best.steps, report.area_before}, added, report);
     }
+    const bool has_new_points = !has_same_structure(best.rounded, glyph.contours);
+    if (const int user = has_new_points ? matched_in(font, id) : -1; user >= 0) {
+      throw Refusal{text("its points would be other ones, and ", font.glyphs[static_cast<std::size_t>(user)].name,
+                         " matches its parts by point numbers")};
+    }
+    report.area_target = best.area;
     report.crossings_after = static_cast<int>(find_crossings(best.rounded).size());
     result.contours = std::move(best.rounded);
     result.unrounded = std::move(best.unrounded);
@@ -482,9 +623,16 @@ GlyphResult restyle_glyph(const Font& font, int id, const Recipe& recipe, const 
   report.area_unrounded = signed_area(result.unrounded);
   report.area_after = signed_area(result.contours);
   if (recipe.keep.area == KeepArea::None) report.area_target = report.area_unrounded;
-  report.largest_displacement = largest_displacement(glyph.contours, result.contours);
+  const double step = 1e-3 * font.units_per_em;
+  report.largest_displacement = largest_displacement(glyph.contours, result.contours, step);
+  report.segments_after = segment_count(result.contours);
   report.segments_kept = kept_segments(glyph.contours, result.contours);
-  report.deviation = emission_deviation(result.unrounded, result.contours, 1e-3 * font.units_per_em);
+  report.deviation = emission_deviation(result.unrounded, result.contours, step);
+  if (const double taken = std::abs(report.area_before) - std::abs(report.area_target);
+      recipe.keep.area != KeepArea::None && taken != 0.0) {
+    report.notes.push_back(text("softening ", taken > 0.0 ? "takes " : "adds ", std::abs(taken), " square units, ",
+                                100.0 * std::abs(taken / report.area_before), " % of the area"));
+  }
   if (report.deviation > recipe.tolerance) {
     report.notes.push_back(
         text("rounding moved the outline by ", report.deviation, " units, over the tolerance of ", recipe.tolerance));
@@ -589,6 +737,7 @@ std::string report_json(const Font& font, const RestyleResult& result) {
                {"changed_tables", result.font.changed_tables},
                {"dropped_tables", result.font.dropped_tables},
                {"moved_composites", names(result.font.moved_composites)},
+               {"dropped_instructions", names(result.font.dropped_instructions)},
                {"warnings", result.font.warnings}};
   std::string out = head.dump(2);
   out.erase(out.size() - 2);  // the closing brace: the glyphs follow, a line each
@@ -630,8 +779,13 @@ std::string report_json(const Font& font, const RestyleResult& result) {
         one["energy_before"] = step.energy_before;
         one["energy_after"] = step.energy_after;
       }
-      one["levels"] = step.levels;
-      one["off_wish"] = step.off_wish;
+      if (step.op == "soften") {
+        one["corners"] = step.corners;
+        one["least_radius"] = step.least_radius;
+      } else {
+        one["levels"] = step.levels;
+        one["off_wish"] = step.off_wish;
+      }
       one["against"] = step.against;
       steps.push_back(std::move(one));
     }

@@ -27,7 +27,9 @@ struct StepReport {
   std::vector<std::string> against;  ///< what stood against the wish, by name; empty if it was met
   double energy_before = 0.0;        ///< of a smooth step: bending energy of the contour's model, 1 / font units
   double energy_after = 0.0;
-  double off_wish = 0.0;  ///< largest distance of the solved displacement from the wished one, font units
+  double off_wish = 0.0;      ///< largest distance of the solved displacement from the wished one, font units
+  int corners = 0;            ///< of a soften step: corners that are arcs now
+  double least_radius = 0.0;  ///< of these arcs, font units
 };
 
 /// What became of one glyph.
@@ -38,7 +40,7 @@ struct GlyphReport {
   bool changed = false;
   double amount = 1.0;  ///< share of the wished moves applied; below 1 if a crossing stood against it
   double area_before = 0.0;
-  double area_target = 0.0;
+  double area_target = 0.0;     ///< that of before, or of the softened outline
   double area_unrounded = 0.0;  ///< area before rounding to whole numbers
   double area_after = 0.0;
   double largest_displacement = 0.0;

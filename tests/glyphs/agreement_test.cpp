@@ -5,11 +5,13 @@
 #include FT_FREETYPE_H
 #include FT_OUTLINE_H
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 #include <vector>
 
 #include "glyphs/freetype_loader.h"
+#include "glyphs/restyle.h"
 #include "tests/bundled_fonts.h"
 #include "tests/catch.h"
 #include "tests/glyphs/sfnt_bytes.h"
@@ -169,6 +171,43 @@ TEST_CASE(
     INFO(path << ": worst glyph " << worst);
     CHECK(largest <= 1.0);
     FT_Done_Face(face);
+  }
+  FT_Done_FreeType(library);
+}
+
+TEST_CASE("a font with softened letters is what HarfBuzz and FreeType read, composites too", "[agreement]") {
+  FT_Library library = nullptr;
+  REQUIRE(FT_Init_FreeType(&library) == 0);
+  for (const std::string& path : bundled_ttf) {
+    const glyphs::Font font = glyphs::load_font(path);
+    glyphs::Recipe recipe;
+    recipe.glyphs = "U+0041-005A,U+0061-007A";
+    recipe.steps = {glyphs::SoftenStep{.radius = 40}};
+    const glyphs::RestyleResult result = glyphs::restyle(font, recipe);
+    CHECK(result.refused() == 0);
+    const glyphs::Font written = glyphs::load_font("softened.ttf", result.font.data);
+    const glyphs::Bytes& data = result.font.data;
+    hb_blob_t* blob = hb_blob_create(reinterpret_cast<const char*>(data.data()), static_cast<unsigned>(data.size()),
+                                     HB_MEMORY_MODE_READONLY, nullptr, nullptr);
+    hb_face_t* face = hb_face_create(blob, 0);
+    hb_font_t* reader = hb_font_create(face);
+    hb_font_set_scale(reader, font.units_per_em, font.units_per_em);
+    FT_Face other = nullptr;
+    REQUIRE(FT_New_Memory_Face(library, data.data(), static_cast<FT_Long>(data.size()), 0, &other) == 0);
+    for (const glyphs::Glyph& glyph : written.glyphs) {
+      INFO(path << " " << glyph.name);
+      CHECK(distance(draw(compose(written, glyph.id)), draw_by_harfbuzz(reader, glyph.id)) < 1e-3);
+      CHECK(FT_Load_Glyph(other, static_cast<FT_UInt>(glyph.id), FT_LOAD_NO_SCALE | FT_LOAD_NO_HINTING) == 0);
+      Eigen::Index points = 0;
+      for (const BezierContour& contour : compose(written, glyph.id)) {
+        points += contour.point_count() - std::ranges::count(contour.kinds(), fontcore::PointKind::ImpliedNode);
+      }
+      CHECK(other->glyph->outline.n_points == points);
+    }
+    FT_Done_Face(other);
+    hb_font_destroy(reader);
+    hb_face_destroy(face);
+    hb_blob_destroy(blob);
   }
   FT_Done_FreeType(library);
 }

@@ -98,7 +98,20 @@ TEST_CASE("unknown and repeated keys, wrong types and what cannot be honoured ar
   CHECK(refusal(R"({"steps": [{"op": "weight", "model": "b.json"}]})") ==
         "r.json: steps[0].op: \"weight\" is not in this version of glyphwave");
   CHECK(refusal(R"({"steps": [{"op": "swep"}]})") ==
-        "r.json: steps[0].op: \"swep\" is not one of \"sweep\", \"smooth\", \"equalize\", \"character\", \"weight\"");
+        "r.json: steps[0].op: \"swep\" is not one of \"sweep\", \"smooth\", \"equalize\", \"soften\", "
+        "\"character\", \"weight\"");
+  const auto soften = [](const std::string& keys) { return refusal(R"({"steps": [{"op": "soften", )" + keys + "}]}"); };
+  CHECK(soften(R"("radius": 20)").empty());
+  CHECK(soften(R"("radius": 20, "glyph": "a", "contour": 0, "corners": [0, 7])").empty());
+  CHECK(soften(R"("glyph": "a")") == "r.json: steps[0].radius: is missing");
+  CHECK(soften(R"("radius": -1)") == "r.json: steps[0].radius: must not be negative");
+  CHECK(soften(R"("radius": 1, "corners": [0])") ==
+        "r.json: steps[0].corners: are points of one contour; \"contour\" is missing");
+  CHECK(soften(R"("radius": 1, "contour": 0, "corners": 3)") ==
+        "r.json: steps[0].corners: must be a list of point numbers");
+  CHECK(soften(R"("radius": 1, "contour": 0, "corners": [1.5])") ==
+        "r.json: steps[0].corners: a point number is a whole number from 0");
+  CHECK(soften(R"("radius": 1, "scale": 3)") == "r.json: steps[0].scale: unknown key");
   CHECK(refusal(R"({"steps": [], "keep": {"length": true, "italic_angle": 11.5}})").empty());
   CHECK(refusal(R"({"steps": [], "keep": {"italic_angle": 75}})") ==
         "r.json: keep.italic_angle: must be from -60 to 60 degrees");
