@@ -73,13 +73,16 @@ bool has_quadratics(const BezierContour& contour) {
 // What the arc at the start of a segment takes from its legs; nothing if the corner is to stay.
 std::optional<SoftenedCorner> cut_at(int segment, double turn, const std::vector<Leg>& legs, int previous,
                                      const SoftenOptions& options) {
+  const bool is_certain = options.corners && options.empty == EmptyArc::Add;
+  const double least = is_certain ? 0.0 : options.least_handle;
+  const double shorter =
+      std::min(legs[static_cast<std::size_t>(previous)].length, legs[static_cast<std::size_t>(segment)].length);
+  const double room = std::max(0.0, 0.5 * (shorter - least));
   const double tangent = std::tan(0.5 * std::abs(turn));
-  const double room =
-      0.5 * std::min(legs[static_cast<std::size_t>(previous)].length, legs[static_cast<std::size_t>(segment)].length);
   const double wished = options.radius * tangent;
   SoftenedCorner corner{segment, std::min(wished, room), wished > room ? room / tangent : options.radius};
-  if (options.corners && options.empty == EmptyArc::Add) return corner;
-  if (corner.cut > 0.0 && corner.cut >= options.least_cut) return corner;
+  const double handle = corner.radius * std::tan(0.25 * std::abs(turn));
+  if (is_certain || (corner.cut > 0.0 && handle >= least)) return corner;
   return {};
 }
 

@@ -24,10 +24,12 @@ enum class EmptyArc {
 struct SoftenOptions {
   double radius = 0.0;                                       ///< of the arcs, font units
   double corner_angle = OutlineCurveOptions{}.corner_angle;  ///< what turns by more is a corner, radians
-  double least_cut = 0.0;                   ///< a corner whose legs give less than this, font units, is left as it is
+  /// A corner is left as it is if the quadratics of its arc had shorter handles, and of a leg as much stays between two
+  /// arcs; font units. Whole numbers cannot draw what is smaller.
+  double least_handle = 0.0;
   std::optional<std::vector<int>> corners;  ///< these alone, whatever they turn by: the segments that start at them
   ArcKind arcs = ArcKind::Own;
-  EmptyArc empty = EmptyArc::Leave;  ///< of listed corners; with Add there is no least cut
+  EmptyArc empty = EmptyArc::Leave;  ///< of listed corners; with Add there is no least handle
 };
 
 /// A corner that is an arc now.
@@ -46,12 +48,12 @@ struct Softened {
 /// Rounds corners: both legs are trimmed by the same length, and an arc tangent to what is left joins them.
 ///
 /// The cut is what a circle of the radius takes from straight legs, radius * tan(turn / 2), but at most half of
-/// either leg, so that two arcs never share a stretch. On curved legs it is arc length, and the arc fits the turn that
-/// is left there. An arc is one cubic, or two quadratics round an implied node; its handles reach that share of the way
-/// to where the tangents meet that they have on a circular arc. Where the tangents do not meet ahead, both handles are
-/// those of a circular arc over the same chord. A leg's far end stays; if it was an implied node it becomes a node of
-/// its own, since its handle moves. An arc stands in the list where its corner stood: a list that began with the corner
-/// begins with the arc. Corners beside a segment of no length have no leg to trim.
+/// either leg (less half the least handle), so that two arcs never share a stretch. On curved legs it is arc length,
+/// and the arc fits the turn that is left there. An arc is one cubic, or two quadratics round an implied node; its
+/// handles reach that share of the way to where the tangents meet that they have on a circular arc. Where the tangents
+/// do not meet ahead, both handles are those of a circular arc over the same chord. A leg's far end stays; if it was an
+/// implied node it becomes a node of its own, since its handle moves. An arc stands in the list where its corner stood:
+/// a list that began with the corner begins with the arc. Corners beside a segment of no length have no leg to trim.
 ///
 /// So with a list and EmptyArc::Add, masters of one structure stay of one structure.
 ///

@@ -27,7 +27,7 @@ using Contours = std::vector<BezierContour>;
 constexpr int usual_points = 64;            // of a model, at least
 constexpr int most_points = 1024;           // that a step may ask for
 constexpr double points_per_feature = 8.0;  // of the length of a rounded corner
-constexpr double least_cut = 4.0;           // units of a leg: handles of a smaller arc would be one unit long
+constexpr double least_handle = 2.0;        // units: shorter ones have no direction in whole numbers
 constexpr double bisection_width = 0.01;    // of the amount
 constexpr double worth_a_note = 5e-4;       // area error after rounding, relative
 
@@ -314,7 +314,7 @@ class GlyphEditor {
     StepReport report;
     report.op = "soften";
     report.contour = index;
-    fontcore::SoftenOptions options{.radius = amount * step.radius, .least_cut = least_cut};
+    fontcore::SoftenOptions options{.radius = amount * step.radius, .least_handle = least_handle};
     options.arcs = font_.format == OutlineFormat::TrueType ? fontcore::ArcKind::Quadratic : fontcore::ArcKind::Cubic;
     std::vector<int>& corners = options.corners.emplace();
     if (step.corners) {

@@ -168,7 +168,8 @@ TEST_CASE("a radius of 0 and an outline without corners change no bit", "[soften
   CHECK(soften(shapes::circle(300), {.radius = 50}).contour == shapes::circle(300));
 }
 
-TEST_CASE("a leg that is too short gives half of itself, and less than the least cut leaves the corner", "[soften]") {
+TEST_CASE("a leg that is too short gives half of itself, and shorter handles than the least leave the corner",
+          "[soften]") {
   const BezierContour stem = shapes::polygon({{0, 0}, {30, 0}, {30, 700}, {0, 700}});
   const Softened all = soften(stem, {.radius = 100});
   REQUIRE(all.corners.size() == 4);
@@ -176,8 +177,12 @@ TEST_CASE("a leg that is too short gives half of itself, and less than the least
     CHECK(corner.cut == 15);
     CHECK(corner.radius == Approx(15));
   }
-  CHECK(soften(stem, {.radius = 100, .least_cut = 15}).corners.size() == 4);
-  CHECK(soften(stem, {.radius = 100, .least_cut = 15.5}).contour == stem);
+  // Two units stay between the arcs, and the handles of radius 14 are 5.8 units long.
+  const Softened roomy = soften(stem, {.radius = 100, .least_handle = 2});
+  REQUIRE(roomy.corners.size() == 4);
+  CHECK(roomy.corners[0].cut == 14);
+  CHECK(soften(stem, {.radius = 4.8, .least_handle = 2}).contour == stem);
+  CHECK(soften(stem, {.radius = 4.9, .least_handle = 2}).corners.size() == 4);
 }
 
 TEST_CASE("a list of corners gives one structure, whatever the coordinates and the radius", "[soften]") {

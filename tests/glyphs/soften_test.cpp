@@ -97,7 +97,7 @@ TEST_CASE("softened letters are whole numbers with their softened area, and cros
   }
   // What is open is beside handles of two or three units: of arcs on legs as short as that, or of radius 10.
   CHECK(large.joins > 10000);
-  CHECK(large.opened < large.joins / 100);
+  CHECK(large.opened < large.joins / 500);
   CHECK(small.opened < small.joins / 50);
 }
 
