@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numbers>
 #include <numeric>
 #include <set>
 
@@ -385,7 +386,8 @@ class WholeNumbers {
     const std::vector<double> plain = value_;
     result.plain_area_error = error(plain);
     mend_joins();
-    opened_ = opened(value_, all_joins());
+    const BezierContour here = contour(value_);
+    for (const std::size_t j : opened(value_, all_joins())) opened_.emplace(j, turn(here, j));
     const std::vector<double> mended = value_;
     const double good = good_area * goal_.scale;
     combine();
@@ -454,12 +456,15 @@ class WholeNumbers {
     std::set<std::size_t> result;
     const BezierContour here = contour(value);
     for (const std::size_t j : which) {
-      const Point a = end_tangent(here.segment(here.previous(joins_[j])));
-      const Point b = start_tangent(here.segment(joins_[j]));
-      const bool is_gone = a == Point::Zero() || b == Point::Zero();  // a segment that rounding left without length
-      if (is_gone || std::abs(std::atan2(a.x() * b.y() - a.y() * b.x(), a.dot(b))) > smooth_angle) result.insert(j);
+      if (turn(here, j) > smooth_angle) result.insert(j);
     }
     return result;
+  }
+  double turn(const BezierContour& here, std::size_t join) const {
+    const Point a = end_tangent(here.segment(here.previous(joins_[join])));
+    const Point b = start_tangent(here.segment(joins_[join]));
+    const bool is_gone = a == Point::Zero() || b == Point::Zero();  // a segment that rounding left without length
+    return is_gone ? std::numbers::pi : std::abs(std::atan2(a.x() * b.y() - a.y() * b.x(), a.dot(b)));
   }
 
   // Every smooth join that rounding opened takes the best of the neighbours of its own points; where no floor and
@@ -511,7 +516,12 @@ class WholeNumbers {
     for (const Change& change : changes)
       touched.insert(joins_of_[change.unknown].begin(), joins_of_[change.unknown].end());
     const auto now = opened(value, {touched.begin(), touched.end()});
-    return std::includes(opened_.begin(), opened_.end(), now.begin(), now.end());
+    if (now.empty()) return true;
+    const BezierContour here = contour(value);
+    return std::all_of(now.begin(), now.end(), [&](std::size_t j) {
+      const auto open = opened_.find(j);
+      return open != opened_.end() && turn(here, j) <= open->second;
+    });
   }
   bool is_allowed(const std::vector<double>& value, const Changes& changes) const {
     if (!opens_none(value, changes)) return false;
@@ -692,7 +702,7 @@ class WholeNumbers {
   std::vector<bool> locked_;                        // per unknown
   std::vector<int> joins_;                          // segments that start at a smooth join
   std::vector<std::vector<std::size_t>> joins_of_;  // per unknown
-  std::set<std::size_t> opened_;                    // joins that could not be mended
+  std::map<std::size_t, double> opened_;            // joins that could not be mended, and what they turn by at most
 };
 
 }  // namespace

@@ -89,6 +89,7 @@ TEST_CASE("softened letters are whole numbers with their softened area, and cros
             if (std::abs(turns_solved[s]) > fontcore::smooth_angle) continue;
             Tally& tally = radius < 40.0 ? small : large;
             ++tally.joins;
+            CHECK(std::abs(turns_after[s]) < 1.0);  // no spike, however small the arc
             tally.opened += std::abs(turns_after[s]) > fontcore::smooth_angle + 1e-6 ? 1 : 0;
           }
         }
