@@ -9,26 +9,13 @@
 #include "glyphs/freetype_loader.h"
 #include "tests/bundled_fonts.h"
 #include "tests/catch.h"
+#include "tests/glyphs/made_font.h"
 #include "tests/shapes.h"
 
 using namespace glyphs;
 using fontcore::Point;
 
 namespace {
-
-// A font of one glyph, g, that comes from no file.
-Font font_of(std::vector<fontcore::BezierContour> contours, int units_per_em = 1000) {
-  Font font;
-  font.path = "made";
-  font.units_per_em = units_per_em;
-  font.format = OutlineFormat::TrueType;
-  Glyph glyph;
-  glyph.name = "g";
-  glyph.advance = 600;
-  glyph.contours = std::move(contours);
-  font.glyphs.push_back(std::move(glyph));
-  return font;
-}
 
 Recipe recipe_of(const SweepStep& step) {
   Recipe recipe;

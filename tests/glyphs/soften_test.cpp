@@ -11,6 +11,7 @@
 #include "glyphs/restyle.h"
 #include "tests/bundled_fonts.h"
 #include "tests/catch.h"
+#include "tests/glyphs/made_font.h"
 #include "tests/glyphs/sfnt_bytes.h"
 #include "tests/shapes.h"
 
@@ -25,20 +26,6 @@ Recipe softening(double radius) {
   Recipe recipe;
   recipe.steps = {SoftenStep{.radius = radius}};
   return recipe;
-}
-
-// A TrueType font of one glyph that comes from no file.
-Font font_of(std::vector<BezierContour> contours) {
-  Font font;
-  font.path = "made";
-  font.units_per_em = 1000;
-  font.format = OutlineFormat::TrueType;
-  Glyph glyph;
-  glyph.name = "g";
-  glyph.advance = 600;
-  glyph.contours = std::move(contours);
-  font.glyphs.push_back(std::move(glyph));
-  return font;
 }
 
 bool is_whole(const BezierContour& contour) {
