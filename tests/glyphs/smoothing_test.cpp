@@ -6,7 +6,7 @@
 #include "tests/catch.h"
 
 TEST_CASE("over 21 scales smoothing goes further and gets smoother on every arc of a to z, and keeps corners",
-          "[smoothing]") {
+          "[smoothing][slow]") {
   int arcs = 0;  // looked at, once a scale
   for (const std::string& path : bundled_fonts()) {
     const glyphs::Font font = glyphs::load_font(path);
