@@ -876,7 +876,7 @@ MultiresCurve pull(Scheme scheme, Index size, int levels, double t, double level
       j < 0 ? mixed_change(scheme, sizes, j, f, at(0), {}) : mixed_change(scheme, sizes, j, f, at(j), at(j + 1));
   if (moved == Moved::Fractional) return change;
   // Of the whole curve, whose finer control points follow from those of level j + 1.
-  MultiresCurve seen{change.coarse, {change.details.begin(), change.details.begin() + j + 1}, scheme};
+  MultiresCurve seen{change.coarse, {change.details.begin(), change.details.begin() + (j + 1)}, scheme};
   const double got = evaluate(scheme, reconstruct(seen), coarser_parameter(scheme, t, levels - j - 1))[0];
   change.coarse /= got;
   for (Coefficients& detail : change.details) detail /= got;
