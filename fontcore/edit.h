@@ -61,16 +61,18 @@ Sweep sweep(const OutlineCurve& curve, double t, const Point& move, double bread
 Sweep sweep_at_level(const OutlineCurve& curve, double t, const Point& move, double level,
                      const SweepOptions& options = {});
 
+/// A point of the outline, by its parameter, and its move.
+struct Pull {
+  double t = 0.0;
+  Point move = Point::Zero();
+};
+
 /// Several handles at once: each point of the outline at a t moves by its own move, every stretch of `breadth`.
 ///
 /// The field is the sum of the handles' pulls that meets all moves. Details do not turn.
 ///
 /// Shape   level that of the first handle.
 /// Throws  InvalidInput if there is no handle, or two lie so near to each other that no such sum meets them.
-struct Pull {
-  double t = 0.0;
-  Point move = Point::Zero();
-};
 Sweep sweep(const OutlineCurve& curve, const std::vector<Pull>& handles, double breadth,
             Scheme scheme = Scheme::Chaikin);
 

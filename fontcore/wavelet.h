@@ -189,6 +189,9 @@ Coefficients fractional(const MultiresCurve& curve, double level);
 /// Source  [FS94] editing at fractional levels.
 MultiresCurve edit_fractional(const MultiresCurve& curve, double level, const CoefficientsView& change);
 
+/// Which point direct manipulation moves: that of the curve at the fractional level, or of the whole curve.
+enum class Moved { Fractional, Whole };
+
 /// Direct manipulation: the change that moves the curve's point at t by 1, of all coefficients, in a single column.
 ///
 /// Times a move (1×k) it is a change of k columns. At level j + f the broad answer, least squares over the control
@@ -202,7 +205,6 @@ MultiresCurve edit_fractional(const MultiresCurve& curve, double level, const Co
 /// move
 ///         has a weight at t: the end of a held arc.
 /// Source  [FS94] editing at fractional levels, direct manipulation (pseudo-inverse).
-enum class Moved { Fractional, Whole };
 MultiresCurve pull(Scheme scheme, Eigen::Index size, int levels, double t, double level, Moved moved = Moved::Whole);
 
 /// Control-point editing: the change that moves control point `index` of c^{j+f} by 1, of all coefficients, in a
