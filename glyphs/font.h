@@ -2,6 +2,7 @@
 
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -10,6 +11,8 @@
 namespace glyphs {
 
 using Bytes = std::vector<unsigned char>;
+/// The regular files of a folder, by their path within it: "glyphs/A_.glif".
+using Folder = std::map<std::string, Bytes>;
 
 /// What a composite may come to; beyond it the glyph is in trouble. The same as other readers'.
 inline constexpr int max_component_depth = 32;
@@ -28,6 +31,13 @@ struct Component {
   bool use_my_metrics = false;
 };
 
+/// What a designer has marked on a contour in the source; every edit honours it.
+struct ContourMarks {
+  std::vector<int> corners;     ///< points that are corners however little they turn; indices, sorted
+  std::vector<int> frozen;      ///< points that stay where they are; indices, sorted
+  std::optional<double> scale;  ///< length below which features go, instead of a smooth step's own; font units
+};
+
 /// A glyph as the font stores it: contours of its own, or components.
 struct Glyph {
   int id = 0;
@@ -36,13 +46,14 @@ struct Glyph {
   double origin = 0.0;   ///< x of what the advance counts from: a point is drawn at x - origin; nearly always 0
   std::vector<fontcore::BezierContour> contours;  ///< the font's own points and their order; empty for a composite
   std::vector<Component> components;
-  bool has_instructions = false;  ///< TrueType instructions; hints of CFF glyphs are not looked for
-  std::string trouble;            ///< why it cannot be drawn, one line; then it has neither contours nor components
+  std::vector<ContourMarks> marks;  ///< one a contour; empty if nothing is marked
+  bool has_instructions = false;    ///< TrueType instructions; hints of CFF glyphs are not looked for
+  std::string trouble;              ///< why it cannot be drawn, one line; then it has neither contours nor components
 
   bool is_composite() const { return !components.empty(); }
 };
 
-enum class OutlineFormat { TrueType, Cff, Cff2, None };
+enum class OutlineFormat { TrueType, Cff, Cff2, None, Ufo };
 
 /// A font as plain values, in font units, y up, that know no file format; `data` is the file it came from.
 struct Font {
@@ -58,7 +69,8 @@ struct Font {
   OutlineFormat format = OutlineFormat::None;
   std::vector<Glyph> glyphs;                ///< by glyph id
   std::map<char32_t, int> character_map;    ///< Unicode code point -> glyph id
-  std::shared_ptr<const Bytes> data;        ///< the whole file, bit for bit
+  std::shared_ptr<const Bytes> data;        ///< the whole file, bit for bit; none for a UFO
+  std::shared_ptr<const Folder> folder;     ///< of a UFO: all its files, bit for bit
   bool has_fractional_coordinates = false;  ///< CFF operands that are not whole numbers
 
   /// Glyph id of a name; -1 if there is none.

@@ -1,21 +1,16 @@
 #include "glyphs/freetype_loader.h"
 
-#include <fcntl.h>
 #include <ft2build.h>
 #include <hb-ot.h>
-#include <sys/stat.h>
-#include <unistd.h>
 #include FT_FREETYPE_H
 #include FT_ADVANCES_H
 
 #include <algorithm>
 #include <array>
-#include <cerrno>
 #include <cmath>
 #include <cstdio>
 #include <ctime>
 #include <set>
-#include <system_error>
 
 #include "glyphs/error.h"
 #include "glyphs/sfnt_tables.h"
@@ -521,50 +516,9 @@ class Loader {
   int slow_glyphs_ = 0;
 };
 
-[[noreturn]] void refuse_file(const std::string& path, int error) {
-  throw FontReadError(text(path, ": cannot be read: ", std::generic_category().message(error)));
-}
-
-struct Descriptor {
-  int number = -1;
-  explicit Descriptor(int opened) : number(opened) {}
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-  ~Descriptor() {
-    if (number >= 0) ::close(number);
-  }
-};
-
 }  // namespace
 
-Bytes read_file(const std::string& path) {
-  // O_NONBLOCK, so that a pipe without a writer does not hold the program; it means nothing for a regular file.
-  const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY));
-  if (file.number < 0) refuse_file(path, errno);
-  struct stat status {};
-  if (::fstat(file.number, &status) != 0) refuse_file(path, errno);
-  if (S_ISDIR(status.st_mode)) throw FontReadError(text(path, ": is a folder"));
-  if (!S_ISREG(status.st_mode)) throw FontReadError(text(path, ": is not a regular file"));
-  const auto too_large = [&] { return FontReadError(text(path, ": is larger than ", max_font_size, " bytes")); };
-  if (static_cast<std::uintmax_t>(status.st_size) > max_font_size) throw too_large();
-  Bytes data(static_cast<std::size_t>(status.st_size) + 1);  // one more, to see the end
-  std::size_t size = 0;
-  for (;;) {
-    if (size == data.size()) data.resize(2 * data.size());
-    const ssize_t got = ::read(file.number, data.data() + size, data.size() - size);
-    if (got < 0 && errno == EINTR) continue;
-    if (got < 0) refuse_file(path, errno);
-    if (got == 0) break;
-    size += static_cast<std::size_t>(got);
-    if (size > max_font_size) throw too_large();
-  }
-  data.resize(size);
-  return data;
-}
-
-Font load_font(const std::string& path, int face_index) { return load_font(path, read_file(path), face_index); }
-
-Font load_font(const std::string& path, Bytes data, int face_index) {
+Font load_sfnt(const std::string& path, Bytes data, int face_index) {
   Font font;
   font.path = path;
   font.face_index = face_index;

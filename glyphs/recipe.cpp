@@ -7,7 +7,7 @@
 #include <set>
 
 #include "glyphs/error.h"
-#include "glyphs/freetype_loader.h"
+#include "glyphs/font_file.h"
 
 namespace glyphs {
 

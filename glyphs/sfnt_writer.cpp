@@ -551,7 +551,7 @@ class Writer {
   void read_back() const {
     std::optional<Font> read;
     try {
-      read = load_font(font_.path, result_.data);
+      read = load_sfnt(font_.path, result_.data);
     } catch (const FontReadError& error) {
       throw FontWriteError(text("the result does not read back: ", error.what()));
     }

@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "glyphs/error.h"
-#include "glyphs/freetype_loader.h"
+#include "glyphs/font_file.h"
 #include "glyphs/inspect.h"
 #include "glyphs/proof.h"
 #include "glyphs/recipe.h"
@@ -96,11 +96,11 @@ void check_outputs(const std::vector<std::string>& inputs, const std::vector<std
 }  // namespace
 
 Outcome inspect(const Request& request) {
-  const Font font = glyphs::load_font(request.font, request.face);
+  const Font font = glyphs::load_font(request.font, {.face = request.face});
   const auto facts = glyphs::inspect(font, selected(request, font), glyphs::Detail::Models, request.jobs);
   if (request.json) return {glyphs::facts_json(font, facts, glyphs::Detail::Models), "", 0};
 
-  constexpr std::array<const char*, 4> formats{"TrueType", "CFF", "CFF2", "no"};
+  constexpr std::array<const char*, 5> formats{"TrueType", "CFF", "CFF2", "no", "UFO"};
   std::string out =
       text(request.font, ": ", font.family, " ", font.style, ", ", formats[static_cast<std::size_t>(font.format)],
            " outlines, ", font.units_per_em, " units per em, ", count(font.glyphs.size(), "glyph"), "\n");
@@ -128,7 +128,7 @@ Outcome inspect(const Request& request) {
 }
 
 Outcome check(const Request& request) {
-  const Font font = glyphs::load_font(request.font, request.face);
+  const Font font = glyphs::load_font(request.font, {.face = request.face});
   const std::vector<glyphs::GlyphCrossings> found =
       glyphs::check_crossings(font, selected(request, font), request.jobs);
   std::size_t crossings = 0;
@@ -150,7 +150,7 @@ Outcome check(const Request& request) {
 
 Outcome measure_area(const Request& request, const std::string& output) {
   check_outputs({request.font}, {output});
-  const Font font = glyphs::load_font(request.font, request.face);
+  const Font font = glyphs::load_font(request.font, {.face = request.face});
   const auto facts = glyphs::inspect(font, selected(request, font), glyphs::Detail::Area, request.jobs);
   const std::string json = glyphs::facts_json(font, facts, glyphs::Detail::Area);
   if (!output.empty()) glyphs::write_file(output, json);
@@ -223,7 +223,7 @@ Outcome restyle(const Request& request, const RestyleRequest& restyle) {
   const auto proof_format = restyle.proof.empty() ? glyphs::ProofFormat::Png : glyphs::proof_format(restyle.proof);
 
   const glyphs::Recipe recipe = glyphs::load_recipe(restyle.recipe);
-  const Font font = glyphs::load_font(request.font, request.face);
+  const Font font = glyphs::load_font(request.font, {.face = request.face});
   if (font.format != glyphs::OutlineFormat::TrueType)
     throw RequestError(request.font + ": only fonts with TrueType outlines are restyled in this version");
 
@@ -250,7 +250,7 @@ Outcome restyle(const Request& request, const RestyleRequest& restyle) {
     // With nothing changed the proof shows what was looked at.
     if (changed.empty())
       for (const glyphs::GlyphReport& glyph : result.glyphs) changed.push_back(glyph.glyph);
-    const Font after = glyphs::load_font(restyle.output, result.font.data, 0);
+    const Font after = glyphs::load_font_bytes(restyle.output, result.font.data);
     files.push_back({restyle.proof, glyphs::draw_glyph_proof(after, font, changed, proof_format)});
   }
   glyphs::write_files(files);
@@ -290,7 +290,7 @@ Outcome proof(const Request& request, const ProofRequest& proof) {
   }
   if (request.text && !request.glyphs.empty()) throw RequestError("--glyphs and --text cannot both select");
 
-  const Font font = glyphs::load_font(request.font, request.face);
+  const Font font = glyphs::load_font(request.font, {.face = request.face});
   std::optional<Font> against;
   if (!proof.against.empty()) against = glyphs::load_font(proof.against);
   const glyphs::Bytes picture = naming(request.font, [&] {

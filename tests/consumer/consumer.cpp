@@ -1,5 +1,5 @@
 #include <fontcore/measure.h>
-#include <glyphs/freetype_loader.h>
+#include <glyphs/font_file.h>
 
 #include <iostream>
 

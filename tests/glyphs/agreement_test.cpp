@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "glyphs/freetype_loader.h"
+#include "glyphs/font_file.h"
 #include "glyphs/restyle.h"
 #include "tests/bundled_fonts.h"
 #include "tests/catch.h"
@@ -185,7 +185,7 @@ TEST_CASE("a font with softened letters is what HarfBuzz and FreeType read, comp
     recipe.steps = {glyphs::SoftenStep{.radius = 40}};
     const glyphs::RestyleResult result = glyphs::restyle(font, recipe);
     CHECK(result.refused() == 0);
-    const glyphs::Font written = glyphs::load_font("softened.ttf", result.font.data);
+    const glyphs::Font written = glyphs::load_font_bytes("softened.ttf", result.font.data);
     const glyphs::Bytes& data = result.font.data;
     hb_blob_t* blob = hb_blob_create(reinterpret_cast<const char*>(data.data()), static_cast<unsigned>(data.size()),
                                      HB_MEMORY_MODE_READONLY, nullptr, nullptr);
@@ -230,7 +230,7 @@ TEST_CASE("composites of every kind are what HarfBuzz draws", "[agreement]") {
       composite({{.glyph = 2, .more_flags = use_my_metrics}, {.glyph = 1, .first = 400}})};
   for (const int bearing_shift : {0, 30}) {
     const sfnt_bytes::Bytes data = sfnt_bytes::font_of(sfnt_bytes::small_font(glyphs, bearing_shift));
-    const glyphs::Font font = glyphs::load_font("small.ttf", data);
+    const glyphs::Font font = glyphs::load_font_bytes("small.ttf", data);
     hb_blob_t* blob = hb_blob_create(reinterpret_cast<const char*>(data.data()), static_cast<unsigned>(data.size()),
                                      HB_MEMORY_MODE_READONLY, nullptr, nullptr);
     hb_face_t* face = hb_face_create(blob, 0);

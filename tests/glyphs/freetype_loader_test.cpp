@@ -1,5 +1,3 @@
-#include "glyphs/freetype_loader.h"
-
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -11,6 +9,7 @@
 #include <set>
 
 #include "glyphs/error.h"
+#include "glyphs/font_file.h"
 #include "tests/bundled_fonts.h"
 #include "tests/catch.h"
 #include "tests/glyphs/sfnt_bytes.h"
@@ -25,6 +24,7 @@ using glyphs::Font;
 using glyphs::FontReadError;
 using glyphs::Glyph;
 using glyphs::load_font;
+using glyphs::load_font_bytes;
 using sfnt_bytes::composite;
 using sfnt_bytes::font_of;
 using sfnt_bytes::simple_glyph;
@@ -32,7 +32,7 @@ using sfnt_bytes::small_font;
 
 const Bytes triangle = simple_glyph({{{0, 0}, {300, 0}, {0, 300}}});
 
-Font load_small(const std::vector<Bytes>& glyphs) { return load_font("small.ttf", font_of(small_font(glyphs))); }
+Font load_small(const std::vector<Bytes>& glyphs) { return load_font_bytes("small.ttf", font_of(small_font(glyphs))); }
 
 const Glyph& named(const Font& font, const std::string& name) {
   return font.glyphs.at(static_cast<std::size_t>(font.find(name)));
@@ -99,7 +99,7 @@ TEST_CASE("a name that another glyph has, or that cannot be printed, is replaced
     post.insert(post.end(), name.begin(), name.end());
   }
   tables["post"] = post;
-  const Font font = load_font("names.ttf", font_of(tables));
+  const Font font = load_font_bytes("names.ttf", font_of(tables));
   CHECK(font.glyphs[0].name == "dup");
   CHECK(font.glyphs[1].name == "A");
   CHECK(font.glyphs[2].name == "B");
@@ -159,7 +159,7 @@ TEST_CASE("a matched point of a component falls on the point it is matched to", 
 TEST_CASE("a glyph is drawn from its left side bearing, as every renderer does", "[freetype_loader]") {
   // The stored points begin at x = 0, the bearing says 40.
   const Bytes user = composite({{.glyph = 1, .more_flags = 0x0200}});
-  const Font font = load_font("shifted.ttf", font_of(small_font({{}, triangle, user}, 40)));
+  const Font font = load_font_bytes("shifted.ttf", font_of(small_font({{}, triangle, user}, 40)));
   CHECK(font.glyphs[1].contours[0].point(0).x() == 0);
   CHECK(font.glyphs[1].origin == -40);
   CHECK(first_x(font, 1) == 40);
@@ -216,7 +216,7 @@ TEST_CASE("what cannot be composed is named at the glyph, and the font is still 
     CHECK(load_small({{}, cut, triangle}).glyphs[1].trouble.starts_with("FreeType: "));
     auto tables = small_font({{}, triangle, triangle});
     sfnt_bytes::set16(tables["loca"], 4, 0x7FFF);
-    const Font font = load_font("loca.ttf", font_of(tables));
+    const Font font = load_font_bytes("loca.ttf", font_of(tables));
     CHECK(font.glyphs[1].trouble.starts_with("loca gives it bytes 0 to 65534"));
     CHECK(font.glyphs[0].trouble == "");
   }
@@ -244,7 +244,7 @@ TEST_CASE("composing checks by itself, for fonts that no loader has seen", "[fre
 TEST_CASE("what is no font is refused in one line that names the file", "[freetype_loader]") {
   const Bytes good = font_of(small_font({{}, triangle}));
   const auto error_of = [](Bytes data) {
-    return message_of<FontReadError>([&] { load_font("f.ttf", std::move(data)); });
+    return message_of<FontReadError>([&] { load_font_bytes("f.ttf", std::move(data)); });
   };
   CHECK(error_of(good) == "");
   CHECK(error_of({}) == "f.ttf: is empty");
@@ -272,7 +272,7 @@ TEST_CASE("what is no font is refused in one line that names the file", "[freety
   CHECK(message_of<FontReadError>([] { load_font("/tmp"); }) == "/tmp: is a folder");
   CHECK(message_of<FontReadError>([] { load_font("/dev/null"); }) == "/dev/null: is not a regular file");
   const std::string path = bundled_font(liberation);
-  CHECK(message_of<FontReadError>([&] { load_font(path, 1); }) == path + ": has 1 faces; there is no face 1");
+  CHECK(message_of<FontReadError>([&] { load_font(path, {.face = 1}); }) == path + ": has 1 faces; there is no face 1");
 }
 
 TEST_CASE("a directory that lies is refused", "[freetype_loader]") {
@@ -280,7 +280,7 @@ TEST_CASE("a directory that lies is refused", "[freetype_loader]") {
   const auto with = [&](std::size_t at, int value) {
     Bytes data = good;
     sfnt_bytes::set16(data, at, value);
-    return message_of<FontReadError>([&] { load_font("f.ttf", data); });
+    return message_of<FontReadError>([&] { load_font_bytes("f.ttf", data); });
   };
   CHECK(with(4, 0) == "f.ttf: is not a font: it has no tables");
   CHECK(with(4, 0xFFFF).starts_with("f.ttf: is truncated: the directory of 65535 tables"));
@@ -309,15 +309,15 @@ TEST_CASE("faces of a collection are read by their number", "[freetype_loader]")
     data.insert(data.end(), face.begin(), face.end());
   }
   for (const int face : {0, 1}) {
-    const Font read = load_font("two.ttc", data, face);
+    const Font read = load_font_bytes("two.ttc", data, {.face = face});
     CHECK(read.is_collection);
     CHECK(read.face_index == face);
     CHECK(read.glyphs.size() == 2);
     CHECK(compose(read, 1).size() == 1);
   }
-  CHECK(message_of<FontReadError>([&] { load_font("two.ttc", data, 2); }) ==
+  CHECK(message_of<FontReadError>([&] { load_font_bytes("two.ttc", data, {.face = 2}); }) ==
         "two.ttc: has 2 faces; there is no face 2");
-  CHECK(message_of<FontReadError>([&] { load_font("two.ttc", data, -1); }) ==
+  CHECK(message_of<FontReadError>([&] { load_font_bytes("two.ttc", data, {.face = -1}); }) ==
         "two.ttc: has 2 faces; there is no face -1");
 }
 
@@ -326,7 +326,7 @@ TEST_CASE("a truncated font is refused or read, never a crash", "[freetype_loade
     const Bytes whole = glyphs::read_file(bundled_font(name));
     for (std::size_t length = 0; length < whole.size(); length += length < 400 ? 7 : 1 + whole.size() / 97) {
       const std::string error = message_of<FontReadError>(
-          [&] { load_font("cut", Bytes(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(length))); });
+          [&] { load_font_bytes("cut", Bytes(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(length))); });
       CHECK(error.starts_with("cut: "));
       CHECK(std::count(error.begin(), error.end(), '\n') == 0);
     }
@@ -340,7 +340,7 @@ TEST_CASE("a font with random bytes is refused or read, never a crash", "[freety
     Bytes data = whole;
     for (int i = 0; i < 200; ++i) data[random() % data.size()] = static_cast<unsigned char>(random());
     const std::string error = message_of<FontReadError>([&] {
-      const Font font = load_font("noise", data);
+      const Font font = load_font_bytes("noise", data);
       for (const Glyph& glyph : font.glyphs) {
         if (glyph.trouble.empty()) compose(font, glyph.id);
       }

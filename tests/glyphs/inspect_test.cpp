@@ -6,7 +6,7 @@
 
 #include "fontcore/measure.h"
 #include "glyphs/error.h"
-#include "glyphs/freetype_loader.h"
+#include "glyphs/font_file.h"
 #include "glyphs/recipe.h"
 #include "tests/bundled_fonts.h"
 #include "tests/catch.h"

@@ -6,7 +6,7 @@
 
 #include "fontcore/constraint.h"
 #include "fontcore/measure.h"
-#include "glyphs/freetype_loader.h"
+#include "glyphs/font_file.h"
 #include "glyphs/restyle.h"
 #include "tests/bundled_fonts.h"
 #include "tests/catch.h"

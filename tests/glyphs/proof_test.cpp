@@ -11,7 +11,7 @@
 
 #include "fontcore/measure.h"
 #include "glyphs/error.h"
-#include "glyphs/freetype_loader.h"
+#include "glyphs/font_file.h"
 #include "glyphs/restyle.h"
 #include "tests/bundled_fonts.h"
 #include "tests/catch.h"
@@ -157,7 +157,7 @@ TEST_CASE("the ink of restyled letters is FreeType's to 1 %", "[proof][slow]") {
     const Font before = glyphs::load_font(path);
     const glyphs::RestyleResult result = glyphs::restyle(before, swept(before));
     CHECK(result.changed() > 40);
-    const Font after = glyphs::load_font("after.ttf", result.font.data);
+    const Font after = glyphs::load_font_bytes("after.ttf", result.font.data);
     const Raster raster(after);
     for (const char letter : letters) {
       CAPTURE(path, letter);

@@ -1,7 +1,7 @@
 #include "glyphs/recipe.h"
 
 #include "glyphs/error.h"
-#include "glyphs/freetype_loader.h"
+#include "glyphs/font_file.h"
 #include "tests/bundled_fonts.h"
 #include "tests/catch.h"
 

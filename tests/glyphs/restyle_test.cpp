@@ -6,7 +6,7 @@
 #include "fontcore/crossing.h"
 #include "fontcore/measure.h"
 #include "glyphs/error.h"
-#include "glyphs/freetype_loader.h"
+#include "glyphs/font_file.h"
 #include "tests/bundled_fonts.h"
 #include "tests/catch.h"
 #include "tests/glyphs/made_font.h"

@@ -4,7 +4,7 @@
 #include <random>
 #include <set>
 
-#include "glyphs/freetype_loader.h"
+#include "glyphs/font_file.h"
 #include "glyphs/sfnt_writer.h"
 #include "tests/catch.h"
 #include "tests/glyphs/sfnt_bytes.h"
@@ -90,7 +90,7 @@ TEST_CASE("edited letters come back exactly, all else as it was", "[roundtrip]")
     const EditedGlyphs edited = shake(font, 1);
     REQUIRE(edited.size() == 52);
     const auto written = write_sfnt(font, edited);
-    const Font read = glyphs::load_font("again.ttf", written.data);
+    const Font read = glyphs::load_font_bytes("again.ttf", written.data);
 
     int wrong = 0;
     for (const Glyph& glyph : font.glyphs) {
@@ -141,9 +141,9 @@ TEST_CASE("an edit taken back gives the first outlines again", "[roundtrip]") {
   const EditedGlyphs edited = shake(font, 7);
   EditedGlyphs original;
   for (const auto& [id, contours] : edited) original[id] = font.glyphs[static_cast<std::size_t>(id)].contours;
-  const Font there = glyphs::load_font("there.ttf", write_sfnt(font, edited).data);
+  const Font there = glyphs::load_font_bytes("there.ttf", write_sfnt(font, edited).data);
   const auto back = write_sfnt(there, original);
-  const Font again = glyphs::load_font("back.ttf", back.data);
+  const Font again = glyphs::load_font_bytes("back.ttf", back.data);
   for (const Glyph& glyph : font.glyphs) {
     if (again.glyphs[static_cast<std::size_t>(glyph.id)].contours != glyph.contours) FAIL(glyph.name);
   }

@@ -3,7 +3,7 @@
 #include <cstdlib>
 
 #include "glyphs/error.h"
-#include "glyphs/freetype_loader.h"
+#include "glyphs/font_file.h"
 #include "tests/catch.h"
 #include "tests/glyphs/sfnt_bytes.h"
 
@@ -55,7 +55,7 @@ std::vector<BezierContour> shifted(const Font& font, int glyph, double x, double
 }
 
 Font load_small(const std::vector<Bytes>& glyphs, int bearing_shift = 0) {
-  return glyphs::load_font("small.ttf", font_of(small_font(glyphs, bearing_shift)));
+  return glyphs::load_font_bytes("small.ttf", font_of(small_font(glyphs, bearing_shift)));
 }
 
 }  // namespace
@@ -72,7 +72,7 @@ TEST_CASE("an edited glyph is stored with its new points, its overlap flag and n
   CHECK(get16(glyph, 12) == 0);          // instructions
   CHECK((glyph.at(14) & 0x41) == 0x41);  // on the curve, overlapping
   CHECK(written.dropped_instructions == std::vector{1});
-  const Font read = glyphs::load_font("again.ttf", written.data);
+  const Font read = glyphs::load_font_bytes("again.ttf", written.data);
   CHECK(read.glyphs[1].contours == shifted(font, 1, 10, -20));
   CHECK_FALSE(read.glyphs[1].has_instructions);
   CHECK(glyphs_of(tables_of(written.data)).at(2) == glyphs_of(tables_of(*font.data)).at(2));
@@ -88,7 +88,7 @@ TEST_CASE("flags repeat and short steps take a byte", "[sfnt_writer]") {
   CHECK(glyphs_of(tables_of(written.data)).at(1).size() == 14 + 600 + 600 + 600 + 2);
   const auto flat = write_sfnt(font, {{1, moved(font, 1, [](const Point& p) { return Point(p.x(), 0); })}});
   CHECK(glyphs_of(tables_of(flat.data)).at(1).size() < 14 + 600 + 12);
-  CHECK(glyphs::load_font("flat", flat.data).glyphs[1].contours[0].point(599) == Point(599, 0));
+  CHECK(glyphs::load_font_bytes("flat", flat.data).glyphs[1].contours[0].point(599) == Point(599, 0));
 }
 
 TEST_CASE("left side bearings and boxes follow, so that an outline stays at its origin", "[sfnt_writer]") {
@@ -107,7 +107,7 @@ TEST_CASE("left side bearings and boxes follow, so that an outline stays at its 
       const auto old = glyphs_of(before).at(3);
       return Bytes(old.begin() + 10, old.end());
     }());
-    const Font read = glyphs::load_font("again.ttf", written.data);
+    const Font read = glyphs::load_font_bytes("again.ttf", written.data);
     for (const int id : {1, 2, 3}) {
       CHECK(read.glyphs[static_cast<std::size_t>(id)].origin == font.glyphs[static_cast<std::size_t>(id)].origin);
     }
@@ -137,14 +137,14 @@ TEST_CASE("offsets become long when short ones no longer reach", "[sfnt_writer]"
   CHECK(get16(tables_of(both.data).at("head"), 50) == 1);
   CHECK(tables_of(both.data).at("glyf").size() > 131070);
   CHECK(glyphs_of(tables_of(both.data)).at(0).empty());
-  CHECK(glyphs::load_font("both.ttf", both.data).glyphs[2].contours == spread(2));
+  CHECK(glyphs::load_font_bytes("both.ttf", both.data).glyphs[2].contours == spread(2));
 }
 
 TEST_CASE("checksums are right and a version 'true' stays", "[sfnt_writer]") {
   Bytes data = font_of(small_font({{}, triangle}));
   const std::string version = "true";
   std::copy(version.begin(), version.end(), data.begin());
-  const Font font = glyphs::load_font("apple.ttf", data);
+  const Font font = glyphs::load_font_bytes("apple.ttf", data);
   const auto written = write_sfnt(font, {{1, shifted(font, 1, 1, 0)}});
   CHECK(std::string(written.data.begin(), written.data.begin() + 4) == "true");
   CHECK(sfnt_bytes::checksum(written.data) == 0xB1B0AFBA);
@@ -162,7 +162,7 @@ TEST_CASE("checksums are right and a version 'true' stays", "[sfnt_writer]") {
 TEST_CASE("tables that an edit makes void are dropped by name, unknown ones kept", "[sfnt_writer]") {
   auto tables = small_font({{}, triangle});
   for (const std::string tag : {"DSIG", "hdmx", "LTSH", "VDMX", "zzzz", "SVG "}) tables[tag] = {1, 2, 3, 4, 5};
-  const Font font = glyphs::load_font("more.ttf", font_of(tables));
+  const Font font = glyphs::load_font_bytes("more.ttf", font_of(tables));
   const auto written = write_sfnt(font, {{1, shifted(font, 1, 1, 0)}});
   CHECK(written.dropped_tables == std::vector<std::string>{"DSIG", "LTSH", "VDMX", "hdmx"});
   CHECK(tables_of(written.data).at("zzzz") == tables.at("zzzz"));
@@ -225,7 +225,7 @@ TEST_CASE("what cannot be stored is refused with file, glyph and numbers", "[sfn
 TEST_CASE("contours of one and two points survive an edit beside them", "[sfnt_writer]") {
   const Font font = load_small({{}, simple_glyph({{{10, 20}}, {{0, 0}, {100, 50}}, {{0, 0}, {300, 0}, {0, 300}}})});
   const auto wanted = shifted(font, 1, 3, 4);
-  const Font read = glyphs::load_font("again.ttf", write_sfnt(font, {{1, wanted}}).data);
+  const Font read = glyphs::load_font_bytes("again.ttf", write_sfnt(font, {{1, wanted}}).data);
   REQUIRE(read.glyphs[1].contours.size() == 3);
   CHECK(read.glyphs[1].contours == wanted);
 }
@@ -262,7 +262,7 @@ TEST_CASE("a glyph may come back with other points, and maxima, boxes and overla
   CHECK(written.dropped_instructions == std::vector{1});
   CHECK(written.moved_composites == std::vector{3});
   CHECK(get16(glyphs_of(tables).at(3), 6) == 410);
-  const Font read = glyphs::load_font("again.ttf", written.data);
+  const Font read = glyphs::load_font_bytes("again.ttf", written.data);
   CHECK(read.glyphs[1].contours == wanted);
   CHECK(read.glyphs[2].contours == font.glyphs[2].contours);
   CHECK(write_sfnt(read, {{1, font.glyphs[1].contours}}).data != written.data);
@@ -284,7 +284,7 @@ TEST_CASE("other points in a glyph take the instructions of composites that coun
   REQUIRE(stored.size() >= plain.size());
   CHECK(Bytes(stored.begin() + 10, stored.begin() + static_cast<std::ptrdiff_t>(plain.size())) ==
         Bytes(plain.begin() + 10, plain.end()));
-  CHECK_FALSE(glyphs::load_font("again.ttf", written.data).glyphs[3].has_instructions);
+  CHECK_FALSE(glyphs::load_font_bytes("again.ttf", written.data).glyphs[3].has_instructions);
 }
 
 TEST_CASE("other points in a glyph whose points a composite matches by number are refused", "[sfnt_writer]") {

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "glyphs/error.h"
-#include "glyphs/freetype_loader.h"
+#include "glyphs/font_file.h"
 #include "tests/bundled_fonts.h"
 #include "tests/catch.h"
 

@@ -1,7 +1,7 @@
 // Smoothing on real letters, a to z of every bundled font.
 
 #include "fontcore/edit.h"
-#include "glyphs/freetype_loader.h"
+#include "glyphs/font_file.h"
 #include "tests/bundled_fonts.h"
 #include "tests/catch.h"
 

@@ -7,7 +7,7 @@
 #include "fontcore/constraint.h"
 #include "fontcore/crossing.h"
 #include "fontcore/measure.h"
-#include "glyphs/freetype_loader.h"
+#include "glyphs/font_file.h"
 #include "glyphs/restyle.h"
 #include "tests/bundled_fonts.h"
 #include "tests/catch.h"
@@ -189,7 +189,7 @@ TEST_CASE("later steps keep the softened area, whatever came before", "[soften]"
 TEST_CASE("a glyph whose points a composite matches by number keeps its corners, and the others go on", "[soften]") {
   using sfnt_bytes::composite;
   const auto square = sfnt_bytes::simple_glyph({{{0, 0}, {0, 500}, {500, 500}, {500, 0}}});
-  const Font font = load_font(
+  const Font font = load_font_bytes(
       "small.ttf", sfnt_bytes::font_of(sfnt_bytes::small_font(
                        {{}, square, square, composite({{.glyph = 1}, {.glyph = 1, .first = 2, .is_shift = false}})})));
   Recipe recipe = softening(50);
@@ -198,5 +198,5 @@ TEST_CASE("a glyph whose points a composite matches by number keeps its corners,
   REQUIRE(result.glyphs.size() == 2);
   CHECK(result.glyphs[0].refused == "its points would be other ones, and C matches its parts by point numbers");
   CHECK(result.glyphs[1].changed);
-  CHECK(load_font("again.ttf", result.font.data).glyphs[2].contours[0].point_count() == 20);
+  CHECK(load_font_bytes("again.ttf", result.font.data).glyphs[2].contours[0].point_count() == 20);
 }

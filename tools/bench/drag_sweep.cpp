@@ -19,7 +19,7 @@
 #include "fontcore/drag.h"
 #include "fontcore/edit.h"
 #include "fontcore/error.h"
-#include "glyphs/freetype_loader.h"
+#include "glyphs/font_file.h"
 
 namespace {
 

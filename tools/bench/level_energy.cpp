@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "fontcore/edit.h"
-#include "glyphs/freetype_loader.h"
+#include "glyphs/font_file.h"
 
 int main(int argc, char** argv) {
   std::printf("%-34s %5s %6s %14s %14s %10s\n", "font", "down", "arcs", "energy", "distance", "rises on");

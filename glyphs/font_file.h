@@ -1,0 +1,30 @@
+#pragma once
+
+#include <map>
+#include <string>
+
+#include "glyphs/font.h"
+
+namespace glyphs {
+
+/// The largest file that is read, in bytes: twice the largest collections in use.
+inline constexpr std::size_t max_font_size = std::size_t{256} << 20;
+
+/// Reads a whole file.
+/// Throws  FontReadError if it cannot be read: missing, a folder, not a regular file, over `max_font_size`.
+Bytes read_file(const std::string& path);
+
+/// Which font of a file is meant.
+struct LoadOptions {
+  int face = 0;  ///< of a collection
+};
+
+/// A font of any kind that is read, as plain values: original points, unscaled and unhinted, composites as components.
+/// A variable font gives its default.
+///
+/// Throws  FontReadError, one line naming the file.
+Font load_font(const std::string& path, const LoadOptions& options = {});
+/// The same from the bytes of a file; `path` is its name.
+Font load_font_bytes(const std::string& path, Bytes data, const LoadOptions& options = {});
+
+}  // namespace glyphs
