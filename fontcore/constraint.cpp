@@ -276,6 +276,10 @@ Rows rows(const CornerPair& rule) {
   return {equal(name, rule.first, next, 0), equal(name, rule.first, next, 1)};
 }
 
+bool OutlineRules::marks_corner(int point) const {
+  return std::find(corners.begin(), corners.end(), point) != corners.end();
+}
+
 Rows outline_rows(const BezierContour& contour, const OutlineRules& rules) {
   const std::vector<double> turns = turning_angles(contour);
   Rows all;
@@ -301,7 +305,7 @@ Rows outline_rows(const BezierContour& contour, const OutlineRules& rules) {
   }
   for (const int s : solid) {
     const Join join = join_at(contour, s);
-    if (std::abs(turns[static_cast<std::size_t>(s)]) > rules.corner_angle) continue;
+    if (std::abs(turns[static_cast<std::size_t>(s)]) > rules.corner_angle || rules.marks_corner(join.node)) continue;
     const bool line_before = contour.degree(join.before_segment) == 1;
     const bool line_after = contour.degree(s) == 1;
     if (line_before && line_after) {

@@ -114,8 +114,12 @@ struct OutlineRules {
   std::vector<double> zones;       ///< heights of alignment zones, font units
   double corner_angle = 0.139626;  ///< a sharper turn is a corner and free, radians (8 degrees)
   std::vector<int> closed_joins;   ///< segments whose nearly smooth start is to be made exactly smooth
+  std::vector<int> corners;        ///< points that are corners and free however little they turn; no implied nodes
   bool slants = false;             ///< lines that are neither horizontal nor vertical keep their direction too
   Frame frame{};                   ///< what vertical means for lines and extrema
+
+  /// True if the point is one of `corners`.
+  bool marks_corner(int point) const;
 };
 
 /// Every rule that the outline's own points must obey, in a fixed order: coincident points, implied nodes, lines,

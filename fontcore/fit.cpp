@@ -246,6 +246,7 @@ Reached solve_within(const OutlineCurve& curve, const StructureEdit& edit, const
       const bool known = std::find(rules.closed_joins.begin(), rules.closed_joins.end(), s) != rules.closed_joins.end();
       if (known || std::abs(before[k]) > smooth_angle || std::abs(after[k]) <= smooth_angle) continue;
       if (contour.degree(s) == 1 && contour.degree(contour.previous(s)) == 1) continue;
+      if (rules.marks_corner(contour.node(s))) continue;
       rules.closed_joins.push_back(s);
       opened = true;
     }
@@ -371,8 +372,8 @@ class WholeNumbers {
     const std::vector<double> turns = turning_angles(original);
     for (int s = 0; s < original.segment_count(); ++s) {
       const int p = original.node(s);
-      if (original.kind(p) == PointKind::ImpliedNode || std::abs(turns[static_cast<std::size_t>(s)]) > smooth_angle)
-        continue;
+      const bool turns_here = std::abs(turns[static_cast<std::size_t>(s)]) > smooth_angle || rules.marks_corner(p);
+      if (original.kind(p) == PointKind::ImpliedNode || turns_here) continue;
       joins_.push_back(s);
     }
     joins_of_.resize(exact_.size());

@@ -195,7 +195,10 @@ std::vector<std::vector<OutlineCurve::Span>> OutlineCurve::find_spans(const Outl
     const bool line_before = contour_.degree(before) == 1;
     const bool line_here = contour_.degree(here) == 1;
     const double turn = std::abs(turns[static_cast<std::size_t>(here)]);
-    const bool corner = turn > options.corner_angle || ((line_before || line_here) && turn > options.line_angle);
+    const bool is_marked =
+        std::find(options.corners.begin(), options.corners.end(), contour_.node(here)) != options.corners.end();
+    const bool corner =
+        is_marked || turn > options.corner_angle || ((line_before || line_here) && turn > options.line_angle);
     const Point tangent = start_tangent(contour_.segment(here));
     const bool extremum = tangent.cwiseAbs().minCoeff() < 1e-3 && !(line_before && line_here);
     const bool implied = contour_.kind(contour_.node(here)) == PointKind::ImpliedNode;

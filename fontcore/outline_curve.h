@@ -15,6 +15,7 @@ struct OutlineCurveOptions {
   int most = 4096;                 ///< and at most
   double corner_angle = 0.139626;  ///< between curves a sharper turn is a corner, radians (8 degrees)
   double line_angle = 0.017453;    ///< and beside a line, radians (1 degree): its control points lie on the line
+  std::vector<int> corners;  ///< points of the contour that are corners however little they turn; no implied nodes
 };
 
 /// A contour and a uniform periodic quadratic B-spline over one parameter, within a measured distance of each other.

@@ -66,6 +66,7 @@ class GlyphEditor {
   GlyphEditor(const Font& font, const Glyph& glyph, const Recipe& recipe, const std::vector<double>& zones)
       : font_(font),
         original_(glyph.contours),
+        marks_(glyph.marks),
         drawn_at_(glyph.origin, 0.0),
         recipe_(recipe),
         curves_(original_.size()) {
@@ -81,6 +82,9 @@ class GlyphEditor {
       if (is_about_this(about)) std::visit([&](const auto& any) { place(any, unit); }, step);
     }
     frozen_.resize(original_.size());
+    for (std::size_t k = 0; k < marks_.size() && has_work(); ++k) {
+      for (const int point : marks_[k].frozen) add_frozen(k, rows(original_[k], fontcore::FrozenPoint{point}));
+    }
     for (const Freeze& freeze : recipe.keep.freeze) {
       if (is_about_this(freeze.glyph) && has_work()) place(freeze, unit);
     }
@@ -147,7 +151,17 @@ class GlyphEditor {
   }
   void place(SmoothStep step, double unit) {
     step.scale *= unit;
-    if (step.scale > 0.0) place_on_contours(step, step.contour);
+    if (!(step.scale > 0.0)) return;
+    const std::size_t first = steps_.size();
+    place_on_contours(step, step.contour);
+    for (std::size_t i = first; i < steps_.size() && !marks_.empty(); ++i) {
+      const auto& marked = marks_[static_cast<std::size_t>(steps_[i].contour)].scale;
+      if (marked) std::get<SmoothStep>(steps_[i].step).scale = *marked;
+    }
+    std::erase_if(steps_, [](const PlacedStep& placed) {
+      const auto* const smooth = std::get_if<SmoothStep>(&placed.step);
+      return smooth != nullptr && !(smooth->scale > 0.0);
+    });
   }
   void place(EqualizeStep step, double unit) {
     for (fontcore::Band& band : step.bands) band.scale *= unit;
@@ -171,8 +185,7 @@ class GlyphEditor {
   void place(const Freeze& freeze, double unit) {
     const auto on_glyph = [&](const Point& p) -> Point { return p * unit + drawn_at_; };
     const auto add = [&](int contour, const fontcore::FrozenStretch& stretch) {
-      fontcore::Rows& rows = frozen_[static_cast<std::size_t>(contour)];
-      for (fontcore::Row& row : fontcore::rows(stretch)) rows.push_back(std::move(row));
+      add_frozen(static_cast<std::size_t>(contour), fontcore::rows(stretch));
     };
     if (freeze.box) {
       fontcore::Box box;
@@ -189,6 +202,9 @@ class GlyphEditor {
     const auto start = fontcore::nearest_point(outline, from);
     const auto end = fontcore::nearest_point(outline, on_glyph(freeze.stretch->second));
     add(contour, frozen_between(outline, {start.segment, start.u}, {end.segment, end.u}));
+  }
+  void add_frozen(std::size_t contour, fontcore::Rows rows) {
+    std::move(rows.begin(), rows.end(), std::back_inserter(frozen_[contour]));
   }
   int checked(int contour) const {
     const int count = static_cast<int>(original_.size());
@@ -225,12 +241,30 @@ class GlyphEditor {
     return static_cast<int>(std::clamp<double>(wanted, usual_points, most_points));
   }
 
+  // The points of a contour as it stands that the source marks as corners.
+  std::vector<int> marked_corners(std::size_t index) const {
+    std::vector<int> corners;
+    if (marks_.empty() || marks_[index].corners.empty()) return corners;
+    const std::vector<int>& came_from = references_[index].came_from;
+    for (std::size_t i = 0; i < came_from.size(); ++i) {
+      if (std::ranges::binary_search(marks_[index].corners, came_from[i])) corners.push_back(static_cast<int>(i));
+    }
+    return corners;
+  }
+  fontcore::OutlineRules rules_of(std::size_t index) const {
+    fontcore::OutlineRules rules = rules_;
+    rules.corners = marked_corners(index);
+    return rules;
+  }
+
   // The model of a contour; of one that no step has touched yet it is made once for all amounts.
   fontcore::OutlineCurve curve_of(int index, const BezierContour& contour, int fewest) {
     auto& known = curves_[static_cast<std::size_t>(index)];
     if (known && known->size() >= fewest && contour == known->contour()) return *known;
     try {
-      fontcore::OutlineCurve curve(contour, {.tolerance = model_tolerance * font_.units_per_em, .fewest = fewest});
+      fontcore::OutlineCurve curve(contour, {.tolerance = model_tolerance * font_.units_per_em,
+                                             .fewest = fewest,
+                                             .corners = marked_corners(static_cast<std::size_t>(index))});
       if (!known) known = curve;
       return curve;
     } catch (const fontcore::InvalidInput& error) {
@@ -377,7 +411,7 @@ class GlyphEditor {
         },
         placed.step);
     if (edit.field.isZero(0.0)) return report;
-    edit.rules = rules_;
+    edit.rules = rules_of(static_cast<std::size_t>(placed.contour));
     const Reference& reference = references_[static_cast<std::size_t>(placed.contour)];
     edit.rows = reference.frozen;
     // Every step gives its own area back, so glyph and contour ask the same of it; they differ in rounding.
@@ -430,7 +464,7 @@ class GlyphEditor {
         for (std::size_t other = 0; other < k; ++other)
           goal.area += signed_area(solved[other]) - signed_area(result[other]);
       }
-      fontcore::Rounding rounding = round_keeping_area(solved[k], reference.contour, rules_, goal);
+      fontcore::Rounding rounding = round_keeping_area(solved[k], reference.contour, rules_of(k), goal);
       result[k] = std::move(rounding.contour);
       if (rounding.handle_error > 1.0) {
         const auto last = std::find_if(attempt.steps.rbegin(), attempt.steps.rend(),
@@ -447,7 +481,8 @@ class GlyphEditor {
 
   const Font& font_;
   const Contours& original_;
-  const Point drawn_at_;  // the place in stored coordinates that a recipe calls the origin
+  const std::vector<ContourMarks>& marks_;  // one a contour, or none
+  const Point drawn_at_;                    // the place in stored coordinates that a recipe calls the origin
   const Recipe& recipe_;
   fontcore::HandleMove handle_move_ = fontcore::HandleMove::Forced;
   std::vector<PlacedStep> steps_;
