@@ -47,7 +47,8 @@ struct Glyph {
   std::vector<fontcore::BezierContour> contours;  ///< the font's own points and their order; empty for a composite
   std::vector<Component> components;
   std::vector<ContourMarks> marks;  ///< one a contour; empty if nothing is marked
-  bool has_instructions = false;    ///< TrueType instructions; hints of CFF glyphs are not looked for
+  bool has_instructions = false;    ///< of TrueType
+  bool has_hints = false;           ///< of CFF: stems or masks; not looked for in CFF2
   std::string trouble;              ///< why it cannot be drawn, one line; then it has neither contours nor components
 
   bool is_composite() const { return !components.empty(); }

@@ -13,7 +13,7 @@
 #include <set>
 
 #include "glyphs/error.h"
-#include "glyphs/sfnt_tables.h"
+#include "glyphs/sfnt_cff.h"
 
 namespace glyphs {
 
@@ -39,6 +39,8 @@ using Library = std::unique_ptr<FT_LibraryRec_, Closer<FT_Done_FreeType>>;
 using Face = std::unique_ptr<FT_FaceRec_, Closer<FT_Done_Face>>;
 using HbFont = std::unique_ptr<hb_font_t, Closer<hb_font_destroy>>;
 using HbPen = std::unique_ptr<hb_draw_funcs_t, Closer<hb_draw_funcs_destroy>>;
+
+constexpr int unscaled = FT_LOAD_NO_SCALE | FT_LOAD_NO_HINTING | FT_LOAD_NO_AUTOHINT | FT_LOAD_NO_BITMAP;
 
 /// FreeType's words for an error; Debian builds it without FT_Error_String.
 std::string reason(FT_Error error) {
@@ -96,7 +98,7 @@ std::vector<BezierContour> read_contours(const FT_Outline& outline, double shift
   return contours;
 }
 
-/// Draws CFF glyphs by HarfBuzz in font units, fractions and all.
+/// Draws CFF2 glyphs by HarfBuzz in font units, fractions and all.
 class HarfBuzzReader {
  public:
   HarfBuzzReader(const Bytes& data, int face_index, int units_per_em) : pen_(hb_draw_funcs_create()) {
@@ -387,6 +389,7 @@ class Loader {
     font_.is_variable = directory.has(tag("fvar"));
     font_.units_per_em = basics_.units_per_em;
     font_.format = outline_format(directory);
+    if (font_.format == OutlineFormat::Cff) cff_ = directory.require(tag("CFF "), 4);
   }
 
   void load() {
@@ -440,14 +443,18 @@ class Loader {
   }
 
   void read_glyphs() {
+    for (Glyph& glyph : font_.glyphs) glyph.advance = basics_.metrics.advance(glyph.id);
+    if (font_.format == OutlineFormat::Cff) {
+      sfnt::read_cff_outlines(font_, sfnt::CffTable(cff_, basics_.units_per_em));
+      return;
+    }
     std::unique_ptr<HarfBuzzReader> harfbuzz;
-    const bool is_cff = font_.format == OutlineFormat::Cff || font_.format == OutlineFormat::Cff2;
-    if (is_cff) harfbuzz = std::make_unique<HarfBuzzReader>(*font_.data, font_.face_index, basics_.units_per_em);
+    const bool is_cff2 = font_.format == OutlineFormat::Cff2;
+    if (is_cff2) harfbuzz = std::make_unique<HarfBuzzReader>(*font_.data, font_.face_index, basics_.units_per_em);
     for (Glyph& glyph : font_.glyphs) {
-      glyph.advance = basics_.metrics.advance(glyph.id);
       try {
         if (font_.format == OutlineFormat::TrueType) read_truetype(glyph);
-        if (is_cff) read_cff(glyph, *harfbuzz);
+        if (is_cff2) read_cff2(glyph, *harfbuzz);
       } catch (const Malformed& error) {
         refuse(glyph, error.what());
       } catch (const fontcore::InvalidInput& error) {
@@ -463,8 +470,7 @@ class Loader {
   }
 
   FT_GlyphSlot load_slot(const Glyph& glyph, int extra_flags) {
-    const int flags = FT_LOAD_NO_SCALE | FT_LOAD_NO_HINTING | FT_LOAD_NO_AUTOHINT | FT_LOAD_NO_BITMAP | extra_flags;
-    if (const FT_Error error = FT_Load_Glyph(face_.get(), static_cast<FT_UInt>(glyph.id), flags)) {
+    if (const FT_Error error = FT_Load_Glyph(face_.get(), static_cast<FT_UInt>(glyph.id), unscaled | extra_flags)) {
       throw Malformed(reason(error));
     }
     return face_->glyph;
@@ -484,7 +490,7 @@ class Loader {
     }
   }
 
-  void read_cff(Glyph& glyph, HarfBuzzReader& harfbuzz) {
+  void read_cff2(Glyph& glyph, HarfBuzzReader& harfbuzz) {
     if (slow_glyphs_ == most_slow_glyphs) throw Malformed("not read: too many charstrings of this font never end");
     const double start = thread_seconds();
     FT_GlyphSlot slot = nullptr;
@@ -511,6 +517,7 @@ class Loader {
 
   Font& font_;
   sfnt::Basics basics_;
+  sfnt::View cff_;
   Library library_;
   Face face_;
   int slow_glyphs_ = 0;
@@ -529,6 +536,24 @@ Font load_sfnt(const std::string& path, Bytes data, int face_index) {
     throw FontReadError(text(path, ": ", error.what()));
   }
   return font;
+}
+
+std::vector<std::vector<BezierContour>> read_by_freetype(const Bytes& data, const std::vector<int>& glyphs) {
+  FT_Library opened = nullptr;
+  const auto check = [](FT_Error error) {
+    if (error) throw FontReadError(reason(error));
+  };
+  check(FT_Init_FreeType(&opened));
+  const Library library(opened);
+  FT_Face opened_face = nullptr;
+  check(FT_New_Memory_Face(opened, data.data(), static_cast<FT_Long>(data.size()), 0, &opened_face));
+  const Face face(opened_face);
+  std::vector<std::vector<BezierContour>> outlines;
+  for (const int glyph : glyphs) {
+    check(FT_Load_Glyph(opened_face, static_cast<FT_UInt>(glyph), unscaled));
+    outlines.push_back(read_contours(opened_face->glyph->outline, 0.0));
+  }
+  return outlines;
 }
 
 }  // namespace glyphs

@@ -21,7 +21,8 @@ namespace {
 using fontcore::BezierContour;
 using fontcore::Point;
 
-/// Every segment's control points, in order; lines of no length left out, since readers differ in drawing them.
+/// Every segment's control points, in order; lines of no length left out, since readers differ in drawing them, and
+/// fonts whose fractions do not add up to a closed contour have lines that are nothing in floats.
 struct Drawing {
   std::vector<std::vector<Point>> segments;
   std::vector<Point> start{Point::Zero()};
@@ -33,9 +34,10 @@ struct Drawing {
   void add(std::vector<Point> rest) {
     rest.insert(rest.begin(), now);
     now = rest.back();
-    if (rest.size() > 2 || rest[0] != rest[1]) segments.push_back(rest);
+    if (rest.size() > 2 || (rest[0] - rest[1]).norm() > shortest) segments.push_back(rest);
   }
   void close() { add({start[0]}); }
+  static constexpr double shortest = 1e-3;
   Point now = Point::Zero();
 };
 

@@ -1,0 +1,348 @@
+#include "glyphs/sfnt_cff.h"
+
+#include <algorithm>
+#include <chrono>
+#include <random>
+
+#include "glyphs/error.h"
+#include "glyphs/font_file.h"
+#include "tests/bundled_fonts.h"
+#include "tests/catch.h"
+#include "tests/glyphs/cff_bytes.h"
+
+namespace {
+
+using cff_bytes::charstring;
+using cff_bytes::otf_of;
+using fontcore::BezierContour;
+using fontcore::Point;
+using fontcore::PointKind;
+using fontcore::Points;
+using glyphs::Bytes;
+using glyphs::Font;
+using glyphs::sfnt::CffIndex;
+using glyphs::sfnt::Charstring;
+using glyphs::sfnt::encode_charstring;
+using glyphs::sfnt::interpret;
+
+Charstring read(const std::string& words) { return interpret(charstring(words), CffIndex{}, CffIndex{}); }
+
+/// Contours as text: "0,0 100,0 (100,50) (50,100) 0,100 | ..." with handles in parentheses.
+std::string drawn(const Charstring& glyph) {
+  if (!glyph.trouble.empty()) return glyph.trouble;
+  std::string all;
+  for (const BezierContour& contour : glyph.contours) {
+    if (!all.empty()) all += " |";
+    for (int i = 0; i < contour.point_count(); ++i) {
+      const std::string point = fontcore::text(contour.point(i).x(), ",", contour.point(i).y());
+      all += (all.empty() ? "" : " ") + (contour.kind(i) == PointKind::Node ? point : "(" + point + ")");
+    }
+  }
+  return all;
+}
+
+std::string draw(const std::string& words) { return drawn(read(words)); }
+
+/// Font of small letters: glyph 0 empty, then the charstrings.
+cff_bytes::Cff cff_of(const std::vector<std::string>& words) {
+  cff_bytes::Cff font;
+  font.charstrings.push_back(charstring("endchar"));
+  for (const std::string& one : words) font.charstrings.push_back(charstring(one));
+  return font;
+}
+
+Font load(const cff_bytes::Cff& cff) { return glyphs::load_font_bytes("small.otf", otf_of(cff)); }
+
+std::string drawn(const Font& font, int glyph) {
+  Charstring one;
+  one.contours = compose(font, glyph);
+  return drawn(one);
+}
+
+const std::string square = "10 20 rmoveto 100 hlineto 100 vlineto -100 hlineto endchar";
+
+}  // namespace
+
+TEST_CASE("lines and moves of a charstring are steps from point to point", "[sfnt_cff]") {
+  CHECK(draw("10 20 rmoveto 5 6 -7 8 rlineto endchar") == "10,20 15,26 8,34");
+  CHECK(draw("10 hmoveto 100 100 -100 hlineto endchar") == "10,0 110,0 110,100 10,100");
+  CHECK(draw("10 vmoveto 100 100 -100 vlineto endchar") == "0,10 0,110 100,110 100,10");
+  CHECK(draw("1 2 rmoveto 10 hlineto 10 vlineto 5 hmoveto 10 vlineto 10 hlineto endchar") ==
+        "1,2 11,2 11,12 | 16,12 16,22 26,22");
+}
+
+TEST_CASE("curves of a charstring leave out what is nought", "[sfnt_cff]") {
+  CHECK(draw("0 hmoveto 1 2 3 4 5 6 rrcurveto endchar") == "0,0 (1,2) (4,6) 9,12");
+  CHECK(draw("0 hmoveto 1 2 3 4 5 6 7 8 rcurveline endchar") == "0,0 (1,2) (4,6) 9,12 16,20");
+  CHECK(draw("0 hmoveto 7 8 1 2 3 4 5 6 rlinecurve endchar") == "0,0 7,8 (8,10) (11,14) 16,20");
+  CHECK(draw("0 hmoveto 1 2 3 4 hhcurveto endchar") == "0,0 (1,0) (3,3) 7,3");
+  CHECK(draw("0 hmoveto 9 1 2 3 4 1 2 3 4 hhcurveto endchar") == "0,0 (1,9) (3,12) 7,12 (8,12) (10,15) 14,15");
+  CHECK(draw("0 hmoveto 1 2 3 4 vvcurveto endchar") == "0,0 (0,1) (2,4) 2,8");
+  CHECK(draw("0 hmoveto 9 1 2 3 4 vvcurveto endchar") == "0,0 (9,1) (11,4) 11,8");
+  CHECK(draw("0 hmoveto 1 2 3 4 hvcurveto endchar") == "0,0 (1,0) (3,3) 3,7");
+  CHECK(draw("0 hmoveto 1 2 3 4 5 hvcurveto endchar") == "0,0 (1,0) (3,3) 8,7");
+  CHECK(draw("0 hmoveto 1 2 3 4 1 2 3 4 5 hvcurveto endchar") == "0,0 (1,0) (3,3) 3,7 (3,8) (5,11) 9,16");
+  CHECK(draw("0 hmoveto 1 2 3 4 5 vhcurveto endchar") == "0,0 (0,1) (2,4) 6,9");
+  CHECK(draw("0 hmoveto 1 2 3 4 1 2 3 4 5 vhcurveto endchar") == "0,0 (0,1) (2,4) 6,4 (7,4) (9,7) 14,11");
+}
+
+TEST_CASE("flexes are two curves", "[sfnt_cff]") {
+  CHECK(draw("0 hmoveto 1 2 3 4 5 6 7 hflex endchar") == "0,0 (1,0) (3,3) 7,3 (12,3) (18,0) 25,0");
+  CHECK(draw("0 hmoveto 1 2 3 4 5 6 7 8 9 10 11 12 50 flex endchar") == "0,0 (1,2) (4,6) 9,12 (16,20) (25,30) 36,42");
+  CHECK(draw("0 hmoveto 1 2 3 4 5 6 7 8 9 hflex1 endchar") == "0,0 (1,2) (4,6) 9,6 (15,6) (22,14) 31,0");
+  CHECK(draw("0 hmoveto 10 1 10 1 10 1 10 1 10 1 10 flex1 endchar") == "0,0 (10,1) (20,2) 30,3 (40,4) (50,5) 60,0");
+  CHECK(draw("0 hmoveto 1 10 1 10 1 10 1 10 1 10 10 flex1 endchar") == "0,0 (1,10) (2,20) 3,30 (4,40) (5,50) 0,60");
+}
+
+TEST_CASE("hints are skipped, and noticed", "[sfnt_cff]") {
+  CHECK_FALSE(read(square).has_hints);
+  for (const std::string hints :
+       {"1 2 hstem", "1 2 3 4 vstem", "1 2 hstemhm 3 4 hintmask #80", "1 2 vstemhm cntrmask #55",
+        "1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 hstemhm hintmask #ff #80"}) {
+    INFO(hints);
+    CHECK(read(hints + " " + square).has_hints);
+    CHECK(draw(hints + " " + square) == draw(square));
+  }
+}
+
+TEST_CASE("a width may stand before the first operator that clears the stack", "[sfnt_cff]") {
+  CHECK_FALSE(read(square).width);
+  CHECK(read("77 endchar").width == 77);
+  CHECK(read("77 " + square).width == 77);
+  CHECK(read("77 1 2 hstem " + square).width == 77);
+  CHECK(read("77 1 2 hintmask #80 " + square).width == 77);
+  CHECK(read("77 5 hmoveto 5 hlineto endchar").width == 77);
+  CHECK(read("77 5 vmoveto 5 hlineto endchar").width == 77);
+  CHECK(read("-77.5 " + square).width == -77.5);
+  CHECK_FALSE(read("5 hmoveto 1 2 3 rlineto endchar").width);
+}
+
+TEST_CASE("a charstring computes", "[sfnt_cff]") {
+  const auto value = [](const std::string& words) {
+    const Charstring glyph = read("0 hmoveto " + words + " hlineto 1 vlineto endchar");
+    INFO(words << " " << glyph.trouble);
+    REQUIRE(glyph.trouble == "");
+    return glyph.contours.at(0).point(1).x();
+  };
+  CHECK(value("5 3 add") == 8);
+  CHECK(value("5 3 sub") == 2);
+  CHECK(value("5 3 mul") == 15);
+  CHECK(value("1 3 div") == 21845.0 / 65536);
+  CHECK(value("-5 abs") == 5);
+  CHECK(value("5 neg") == -5);
+  CHECK(value("2 sqrt") == std::round(std::sqrt(2.0) * 65536) / 65536);
+  CHECK(value("7 5 drop") == 7);
+  CHECK(value("7 5 exch sub") == -2);
+  CHECK(value("7 dup add") == 14);
+  CHECK(value("7 8 9 1 index 4 1 roll drop drop drop") == 8);
+  CHECK(value("7 8 9 3 1 roll drop drop") == 9);
+  CHECK(value("7 8 9 3 -1 roll drop drop") == 8);
+  CHECK(value("42 3 put 3 get") == 42);
+  CHECK(value("1 2 3 4 ifelse") == 1);
+  CHECK(value("1 2 4 3 ifelse") == 2);
+  CHECK(value("1 0 and 1 add") == 1);
+  CHECK(value("1 0 or 1 add") == 2);
+  CHECK(value("0 not 1 add") == 2);
+  CHECK(value("3 3 eq 1 add") == 2);
+  CHECK(value("random") == 0.5);
+  CHECK(read("0 hmoveto 1 0.5 mul hlineto 1 vlineto endchar").has_fractions);
+}
+
+TEST_CASE("a contour ends where it began, and its start is listed once", "[sfnt_cff]") {
+  CHECK(draw(square) == "10,20 110,20 110,120 10,120");
+  CHECK(read(square).is_closed_by_line == std::vector{false});
+  const Charstring closed = read("10 20 rmoveto 100 hlineto 100 vlineto -100 hlineto -100 vlineto endchar");
+  CHECK(drawn(closed) == "10,20 110,20 110,120 10,120");
+  CHECK(closed.is_closed_by_line == std::vector{true});
+  CHECK(draw("0 hmoveto 0 50 50 50 50 0 rrcurveto 0 -50 -50 -50 -50 0 rrcurveto endchar") ==
+        "0,0 (0,50) (50,100) 100,100 (100,50) (50,0)");
+  CHECK(draw("5 hmoveto 6 hmoveto endchar") == "");  // nothing is drawn
+  CHECK(draw("0 hmoveto 0 hlineto endchar") == "");
+  CHECK(draw("5 hlineto 5 vlineto endchar") == "0,0 5,0 5,5");      // no move at all
+  CHECK(draw("1 1 rmoveto 5 hlineto 5 vlineto") == "1,1 6,1 6,6");  // no endchar
+}
+
+TEST_CASE("fractions are exact, and coordinates end where 16 bits do", "[sfnt_cff]") {
+  const Charstring glyph = read("0.25 0 rmoveto 0.0000153 hlineto 1 vlineto endchar");
+  CHECK(glyph.has_fractions);
+  CHECK(glyph.contours.at(0).point(1).x() == 0.25 + 1.0 / 65536);
+  CHECK(draw("32767 hmoveto 1 hlineto 1 vlineto endchar") == "its charstring coordinate (32768, 0) outside 16 bits");
+  CHECK(draw("32767 hmoveto 1 hmoveto -1 1 rlineto 1 hlineto endchar") ==
+        "its charstring coordinate (32768, 0) outside 16 bits");
+}
+
+TEST_CASE("what is wrong with a charstring is said in one line", "[sfnt_cff]") {
+  CHECK(draw("rmoveto") == "its charstring takes operands that are not there");
+  CHECK(draw("0 hmoveto 1 2 3 rlineto") == "its charstring takes operands that are not there");
+  CHECK(draw("#1c #00") == "its charstring ends within a number or an operator");
+  CHECK(draw("#0c") == "its charstring ends within a number or an operator");
+  CHECK(draw("1 2 hstem hintmask") == "its charstring ends within a mask");
+  CHECK(draw("#02") == "its charstring there is no operator 2");
+  CHECK(draw("1 0 div") == "its charstring divides by zero");
+  CHECK(draw("5 40 put") == "its charstring there is no storage 40");
+  CHECK(draw("return") == "its charstring returns from no subroutine");
+  CHECK(draw("5 callsubr") == "its charstring calls subroutine 112 of 0");
+  CHECK(draw("0.5 callsubr") == "its charstring 0.5 where a whole number is needed");
+  std::string many;
+  for (int i = 0; i < 49; ++i) many += "1 ";
+  CHECK(draw(many + "rlineto") == "its charstring more than 48 operands");
+}
+
+TEST_CASE("subroutines are called by their number less a bias, up to ten deep", "[sfnt_cff]") {
+  auto font =
+      cff_of({"10 20 rmoveto -107 callsubr -106 callgsubr endchar", "0 hmoveto -105 callgsubr", "-107 callsubr"});
+  font.local_subroutines = {charstring("100 hlineto return"), charstring("0 callsubr")};
+  font.global_subroutines = {charstring("50 vlineto"), charstring("100 vlineto -100 hlineto return"),
+                             charstring("5 hlineto 5 vlineto endchar")};
+  const Font loaded = load(font);
+  CHECK(loaded.glyphs[1].trouble == "");
+  CHECK(drawn(loaded, 1) == "10,20 110,20 110,120 10,120");
+  CHECK(drawn(loaded, 2) == "0,0 5,0 5,5");
+  for (const int depth : {10, 11}) {
+    auto chain = cff_of({"0 hmoveto -107 callgsubr endchar"});
+    for (int i = 1; i < depth; ++i)
+      chain.global_subroutines.push_back(charstring(std::to_string(i - 107) + " callgsubr"));
+    chain.global_subroutines.push_back(charstring("5 hlineto 5 vlineto"));
+    const Font deep = load(chain);
+    CHECK(deep.glyphs[1].trouble == (depth == 10 ? "" : "its charstring subroutines nest deeper than 10"));
+  }
+}
+
+TEST_CASE("subroutines that call each other without end cost next to nothing", "[sfnt_cff]") {
+  // Nine levels of subroutines that each call the next 2000 times; every glyph of many calls the first.
+  cff_bytes::Cff font;
+  for (int level = 1; level <= 9; ++level) {
+    std::string calls;
+    for (int i = 0; i < 2000; ++i) calls += std::to_string(level - 107) + " callgsubr ";
+    font.global_subroutines.push_back(charstring(calls));
+  }
+  font.global_subroutines.push_back(charstring("return"));
+  font.charstrings.assign(5000, charstring("-107 callgsubr endchar"));
+  font.charset = {2, 0, 1, 0x13, 0x86};  // 4999 names in one range
+  const auto start = std::chrono::steady_clock::now();
+  const Font loaded = load(font);
+  const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
+  CHECK(taken.count() < 30);  // a second on an idle machine
+  CHECK(loaded.glyphs.front().trouble == "its charstring takes over 1000000 steps");
+  CHECK(loaded.glyphs.back().trouble == "not read: charstrings before it take too much work");
+  const auto read = std::ranges::count(loaded.glyphs, loaded.glyphs.front().trouble, &glyphs::Glyph::trouble);
+  CHECK(read == glyphs::sfnt::most_font_work / glyphs::sfnt::most_charstring_work);
+}
+
+TEST_CASE("an accented letter by endchar is a composite of the font's glyphs", "[sfnt_cff]") {
+  // Charset: glyph 1 is A (string 34), glyph 2 acute (string 125), glyph 3 the letter.
+  auto font = cff_of({square, "0 hmoveto 30 hlineto 30 vlineto endchar", "120 50 65 194 endchar", "0 0 1 2 endchar"});
+  font.charset = {0, 0, 34, 0, 125, 0, 200, 0, 201};
+  const Font loaded = load(font);
+  REQUIRE(loaded.glyphs[3].trouble == "");
+  REQUIRE(loaded.glyphs[3].components.size() == 2);
+  CHECK(loaded.glyphs[3].components[0].glyph == 1);
+  CHECK(drawn(loaded, 3) == drawn(loaded, 1) + " | 120,50 150,50 150,80");
+  CHECK(loaded.glyphs[4].trouble == "is put together from a character 1 that the font does not have");
+}
+
+TEST_CASE("a FontMatrix of a Font DICT scales its glyphs, one of the Top DICT is the em", "[sfnt_cff]") {
+  const Bytes half{0x1E, 0xA0, 0x00, 0x5F, 0x8B, 0x8B, 0x1E, 0xA0, 0x00, 0x5F, 0x8B, 0x8B, 0x0C, 0x07};  // 0.0005
+  cff_bytes::Cff font = cff_of({square, square});
+  font.more_top = half;
+  CHECK(drawn(load(font), 1) == "10,20 110,20 110,120 10,120");
+  font.more_top.clear();
+  font.font_dicts = {{}, {.local_subroutines = {}, .matrix = half}};
+  font.selection = {0, 0, 1};
+  const Font loaded = load(font);
+  CHECK(drawn(loaded, 1) == "10,20 110,20 110,120 10,120");
+  CHECK(drawn(loaded, 2) == "5,10 55,10 55,60 5,60");
+}
+
+namespace {
+
+/// Contours of lines and curves at random, some steps along an axis, some of no length, some fractional.
+std::vector<BezierContour> random_outline(std::mt19937& random, bool has_fractions) {
+  const auto coordinate = [&] {
+    const int whole = static_cast<int>(random() % 2001) - 1000;
+    return has_fractions && random() % 3 == 0 ? whole + static_cast<double>(random() % 65536) / 65536 : whole;
+  };
+  std::vector<BezierContour> contours;
+  for (auto left = 1 + random() % 3; left > 0; --left) {
+    std::vector<Point> list{{coordinate(), coordinate()}};
+    std::vector<PointKind> kinds{PointKind::Node};
+    const auto add = [&](PointKind kind) {
+      Point next(coordinate(), coordinate());
+      const auto along = random() % 4;  // often level with the last point, sometimes the same
+      if (along != 0) next[random() % 2] = list.back()[0] == list.back()[1] ? next[0] : 0.0;
+      if (along == 1) next.x() = list.back().x();
+      if (along == 2) next.y() = list.back().y();
+      if (random() % 16 == 0) next = list.back();
+      list.push_back(next);
+      kinds.push_back(kind);
+    };
+    const auto segments = 2 + random() % 60;
+    for (std::size_t s = 0; s < segments; ++s) {
+      if (random() % 2) {
+        add(PointKind::Cubic);
+        add(PointKind::Cubic);
+        if (s + 1 < segments || random() % 2) add(PointKind::Node);  // else the curve closes the contour
+      } else {
+        add(PointKind::Node);
+      }
+    }
+    if (random() % 8 == 0 && kinds.back() == PointKind::Node) list.back() = list.front();
+    Points points(static_cast<Eigen::Index>(list.size()), 2);
+    for (std::size_t i = 0; i < list.size(); ++i) points.row(static_cast<Eigen::Index>(i)) = list[i].transpose();
+    contours.emplace_back(points, kinds);
+  }
+  return contours;
+}
+
+}  // namespace
+
+TEST_CASE("any outline comes back from its charstring", "[sfnt_cff]") {
+  std::mt19937 random(5);
+  for (int round = 0; round < 2000; ++round) {
+    const auto outline = random_outline(random, round % 2 == 1);
+    std::vector<bool> closed;
+    for (const BezierContour& contour : outline) {
+      closed.push_back(random() % 2 && contour.kinds().back() == PointKind::Node);
+    }
+    const bool has_width = random() % 2;
+    const Bytes code = encode_charstring(outline, closed, has_width ? std::optional<double>(-123.0) : std::nullopt);
+    const Charstring back = interpret(code, {}, {});
+    REQUIRE(back.trouble == "");
+    REQUIRE(back.contours == outline);
+    CHECK(back.width.has_value() == has_width);
+    for (std::size_t c = 0; c < closed.size(); ++c) CHECK((!closed[c] || back.is_closed_by_line[c]));
+  }
+}
+
+TEST_CASE("charstrings are as short as their operators allow", "[sfnt_cff]") {
+  const auto size = [](const std::string& words) {
+    const Charstring glyph = read(words);
+    return encode_charstring(glyph.contours, glyph.is_closed_by_line, glyph.width).size();
+  };
+  CHECK(size("10 20 rmoveto 100 100 -100 hlineto endchar") == 3 + 4 + 1);
+  CHECK(size("10 hmoveto 108 1132 rlineto endchar") == 2 + 2 + 3 + 1 + 1);
+  CHECK(size("10 hmoveto 1 2 3 4 5 6 7 8 rcurveline endchar") == 2 + 8 + 1 + 1);
+  CHECK(size("10 hmoveto 7 8 1 2 3 4 5 6 rlinecurve endchar") == 2 + 8 + 1 + 1);
+  CHECK(size("10 hmoveto 1 2 3 4 1 2 3 4 5 hvcurveto endchar") == 2 + 9 + 1 + 1);
+  CHECK(size("10 hmoveto 9 1 2 3 4 1 2 3 4 hhcurveto endchar") == 2 + 9 + 1 + 1);
+  CHECK(size("10 hmoveto 0.5 1 rlineto endchar") == 2 + 5 + 1 + 1 + 1);
+}
+
+TEST_CASE("what a charstring cannot hold is refused by name", "[sfnt_cff]") {
+  const auto error_of = [](const std::vector<Point>& list, std::vector<PointKind> kinds) {
+    Points points(static_cast<Eigen::Index>(list.size()), 2);
+    for (std::size_t i = 0; i < list.size(); ++i) points.row(static_cast<Eigen::Index>(i)) = list[i].transpose();
+    return message_of<glyphs::sfnt::Malformed>(
+        [&] { encode_charstring({BezierContour(points, std::move(kinds))}, {}, std::nullopt); });
+  };
+  using enum PointKind;
+  CHECK(error_of({{0, 0}, {32768, 0}, {0, 9}}, {Node, Node, Node}) ==
+        "contour 0, point 1: coordinate 32768 does not fit in 16 bits");
+  CHECK(error_of({{-20000, 0}, {20000, 0}, {0, 9}}, {Node, Node, Node}) ==
+        "contour 0, point 1: the step of 40000 to it does not fit in 16 bits");
+  CHECK(error_of({{0, 0}, {1.0 / 3, 0}, {0, 9}}, {Node, Node, Node})
+            .starts_with("contour 0, point 1: coordinate 0.333333"));
+  CHECK(error_of({{0, 0}, {5, 0}, {0, 9}}, {Node, Quadratic, Node}) ==
+        "contour 0, point 1: of a quadratic, which CFF does not have");
+  CHECK(error_of({{0, 0}, {5, 0}, {0, 9}, {9, 9}}, {Cubic, Cubic, Node, Node}) == "contour 0: begins with a handle");
+}
