@@ -753,6 +753,9 @@ RestyleResult restyle(const Font& font, const Recipe& recipe, const RestyleOptio
     if (std::binary_search(dropped.begin(), dropped.end(), report.glyph)) {
       report.dropped.emplace_back("instructions: they were made for the points where they stood");
     }
+    if (std::ranges::binary_search(result.font.dropped_hints, report.glyph)) {
+      report.dropped.emplace_back("hints: they were made for the stems where they stood");
+    }
   }
   return result;
 }
@@ -773,6 +776,7 @@ std::string report_json(const Font& font, const RestyleResult& result) {
                {"dropped_tables", result.font.dropped_tables},
                {"moved_composites", names(result.font.moved_composites)},
                {"dropped_instructions", names(result.font.dropped_instructions)},
+               {"dropped_hints", names(result.font.dropped_hints)},
                {"warnings", result.font.warnings}};
   std::string out = head.dump(2);
   out.erase(out.size() - 2);  // the closing brace: the glyphs follow, a line each

@@ -11,9 +11,10 @@
 #include <set>
 #include <string_view>
 
+#include "fontcore/measure.h"
 #include "glyphs/error.h"
 #include "glyphs/freetype_loader.h"
-#include "glyphs/sfnt_tables.h"
+#include "glyphs/sfnt_cff.h"
 
 namespace glyphs {
 
@@ -134,7 +135,13 @@ Bytes encode(const SimpleGlyph& glyph, const Box& box) {
 
 // ---- the font
 
-/// What hhea and head say of all outlines together.
+/// The box of what every glyph draws, before and after; none if it draws nothing.
+struct Boxes {
+  std::vector<std::optional<Box>> before;
+  std::vector<std::optional<Box>> after;
+};
+
+/// What hhea (or vhea, with y for x) and head say of all outlines together.
 struct Summary {
   int min_left = std::numeric_limits<int>::max();
   int min_right = std::numeric_limits<int>::max();
@@ -164,9 +171,13 @@ class Writer {
     }
     refuse_formats();
     open_tables();
-    encode_glyphs();
-    move_composites();
-    rebuild_tables();
+    if (font_.format == OutlineFormat::Cff) {
+      rebuild_cff();
+    } else {
+      encode_glyphs();
+      move_composites();
+      rebuild_tables();
+    }
     assemble();
     std::ranges::sort(result_.dropped_instructions);
     warn();
@@ -209,7 +220,9 @@ class Writer {
   }
 
   void refuse_formats() const {
-    if (font_.format != OutlineFormat::TrueType) fail("this version writes TrueType outlines only");
+    if (font_.format != OutlineFormat::TrueType && font_.format != OutlineFormat::Cff) {
+      fail("this version writes TrueType and CFF outlines only");
+    }
     if (font_.is_collection) fail("this version does not write collections");
     if (font_.is_variable) fail("this version does not write variable fonts");
   }
@@ -221,7 +234,7 @@ class Writer {
     const auto count = static_cast<std::size_t>(basics_.glyph_count);
     if (font_.glyphs.size() != count) fail(text(font_.glyphs.size(), " glyphs, but its data has ", count));
     old_glyphs_.resize(count);
-    for (int id = 0; id < basics_.glyph_count; ++id) {
+    for (int id = 0; id < basics_.glyph_count && font_.format == OutlineFormat::TrueType; ++id) {
       try {
         old_glyphs_[static_cast<std::size_t>(id)] = basics_.outlines.bytes(id);
       } catch (const Malformed& error) {
@@ -303,7 +316,6 @@ class Writer {
     const int bearing = basics_.metrics.bearing(id) + box.x_min - old_box.x_min;
     if (!fits_int16(bearing)) fail(id, text("left side bearing ", bearing, " does not fit in 16 bits"));
     put_u16(rebuilt_[tag("hmtx")], basics_.metrics.bearing_offset(id), bearing);
-    if (box.y_max != old_box.y_max) has_new_top_.push_back(id);
     new_glyphs_[static_cast<std::size_t>(id)] = std::move(bytes);
   }
 
@@ -373,29 +385,156 @@ class Writer {
 
   void rebuild_tables() {
     rebuild_outlines();
+    Boxes boxes{std::vector<std::optional<Box>>(old_glyphs_.size()), {}};
+    boxes.after = boxes.before;
+    for (int id = 0; id < basics_.glyph_count; ++id) {
+      if (!font_.has_outline(id)) continue;
+      boxes.before[static_cast<std::size_t>(id)] = sfnt::read_box(old_glyphs_[static_cast<std::size_t>(id)]);
+      boxes.after[static_cast<std::size_t>(id)] = sfnt::read_box(glyph_bytes(id));
+    }
+    follow_boxes(boxes);
+  }
+
+  // ---- CFF
+
+  /// Charstrings of edited glyphs anew, without hints; bearings and boxes after what is drawn.
+  void rebuild_cff() {
+    const sfnt::CffTable table(directory_.require(tag("CFF "), 4), basics_.units_per_em);
+    if (table.glyph_count() != basics_.glyph_count) {
+      fail(text("table CFF has ", table.glyph_count(), " charstrings for ", basics_.glyph_count, " glyphs"));
+    }
+    std::map<int, Bytes> charstrings;
+    for (const int id : changed_) {
+      try {
+        if (table.font_dict(id).is_scaled) fail(id, "cannot be edited: it is drawn through a FontMatrix");
+        const sfnt::Charstring old = table.read(id);
+        const auto& contours = snapped_[id] = sfnt::snap(edited_.at(id));
+        const bool is_like_old = has_same_structure(contours, old.contours);
+        charstrings[id] =
+            sfnt::encode_charstring(contours, is_like_old ? old.is_closed_by_line : std::vector<bool>{}, old.width);
+        if (old.has_hints) result_.dropped_hints.push_back(id);
+      } catch (const Malformed& error) {
+        fail(id, error.what());
+      }
+    }
+    const Boxes boxes = drawn_boxes();
+    for (int id = 0; id < basics_.glyph_count; ++id) {
+      const auto& before = boxes.before[static_cast<std::size_t>(id)];
+      const auto& after = boxes.after[static_cast<std::size_t>(id)];
+      if (before && after && before->x_min != after->x_min) {
+        const int bearing = basics_.metrics.bearing(id) + after->x_min - before->x_min;
+        if (!fits_int16(bearing)) fail(id, text("left side bearing ", bearing, " does not fit in 16 bits"));
+        put_u16(rebuilt_[tag("hmtx")], basics_.metrics.bearing_offset(id), bearing);
+      }
+    }
+    rebuilt_[tag("CFF ")] = table.rewritten(charstrings, follow_boxes(boxes));
+  }
+
+  /// Boxes of the curves, rounded outward, as head and FontBBox of CFF fonts count them.
+  Boxes drawn_boxes() {
+    const auto box_of = [&](int id, const std::vector<BezierContour>& contours) {
+      fontcore::Box drawn;
+      for (const BezierContour& contour : contours) drawn.add(fontcore::tight_box(contour));
+      if (drawn.is_empty()) return std::optional<Box>{};
+      for (const double value : {drawn.low.x(), drawn.low.y(), drawn.high.x(), drawn.high.y()}) {
+        if (!fits_int16(std::floor(value)) || !fits_int16(std::ceil(value))) {
+          fail(id, text("box coordinate ", value, " does not fit in 16 bits"));
+        }
+      }
+      return std::optional<Box>{
+          {static_cast<int>(std::floor(drawn.low.x())), static_cast<int>(std::floor(drawn.low.y())),
+           static_cast<int>(std::ceil(drawn.high.x())), static_cast<int>(std::ceil(drawn.high.y()))}};
+    };
+    Boxes boxes;
+    for (const Glyph& glyph : font_.glyphs) {
+      boxes.before.push_back(glyph.is_composite() ? box_of(glyph.id, compose(font_, glyph.id))
+                                                  : box_of(glyph.id, glyph.contours));
+    }
+    boxes.after = boxes.before;
+    std::optional<Font> after;  // only for composites
+    for (const int id : dependents(font_, changed_)) {
+      auto& box = boxes.after[static_cast<std::size_t>(id)];
+      if (const auto changed = snapped_.find(id); changed != snapped_.end()) {
+        box = box_of(id, changed->second);
+        continue;
+      }
+      result_.moved_composites.push_back(id);
+      if (!after) {
+        after = font_;
+        for (const auto& [changed, contours] : snapped_) {
+          after->glyphs[static_cast<std::size_t>(changed)].contours = contours;
+          after->glyphs[static_cast<std::size_t>(changed)].components.clear();
+        }
+      }
+      box = box_of(id, compose(*after, id));
+    }
+    return boxes;
+  }
+
+  // ---- what all outlines together say
+
+  /// head, hhea, vhea and vmtx after the boxes; a value that the edit leaves alone stays as the font has it, even where
+  /// the font has it wrong. The box of all, if it is another now.
+  std::optional<Box> follow_boxes(const Boxes& boxes) {
     sfnt::Metrics metrics = basics_.metrics;
     metrics.hmtx = rebuilt_[tag("hmtx")];
     Summary before;
     Summary after;
     for (int id = 0; id < basics_.glyph_count; ++id) {
-      if (!font_.has_outline(id)) continue;
-      before.add(sfnt::read_box(old_glyphs_[static_cast<std::size_t>(id)]), basics_.metrics.bearing(id),
-                 metrics.advance(id));
-      after.add(sfnt::read_box(glyph_bytes(id)), metrics.bearing(id), metrics.advance(id));
+      const auto& old_box = boxes.before[static_cast<std::size_t>(id)];
+      const auto& new_box = boxes.after[static_cast<std::size_t>(id)];
+      if (old_box) before.add(*old_box, basics_.metrics.bearing(id), metrics.advance(id));
+      if (new_box) after.add(*new_box, metrics.bearing(id), metrics.advance(id));
     }
-    // A value that the edit leaves alone stays as the font has it, even where the font has it wrong.
-    Bytes& hhea = rebuilt_[tag("hhea")];
+    follow_extents(tag("hhea"), before, after);
+    follow_vertical(boxes);
+    set_modified();
+    check_clipping(before.box, after.box);
+    if (before.box == after.box) return std::nullopt;
+    put_box(rebuilt_[tag("head")], 36, *after.box);
+    return after.box;
+  }
+
+  void follow_extents(Tag table, const Summary& before, const Summary& after) {
     const auto follow = [&](std::uint64_t offset, int old_value, int value) {
       if (value == old_value) return;
-      if (!fits_int16(value)) fail(text("table hhea: ", value, " does not fit in 16 bits"));
-      put_u16(hhea, offset, value);
+      if (!fits_int16(value)) fail(text("table ", sfnt::tag_name(table), ": ", value, " does not fit in 16 bits"));
+      put_u16(rebuilt_[table], offset, value);
     };
     follow(12, before.min_left, after.min_left);
     follow(14, before.min_right, after.min_right);
     follow(16, before.max_extent, after.max_extent);
-    if (before.box != after.box) put_box(rebuilt_[tag("head")], 36, *after.box);
-    set_modified();
-    check_clipping(before.box, after.box);
+  }
+
+  /// Top side bearings follow yMax, so that every vertical origin stays where it is, be it told by VORG or counted from
+  /// them.
+  void follow_vertical(const Boxes& boxes) {
+    const sfnt::TableRecord* header = directory_.find(tag("vhea"));
+    const sfnt::TableRecord* table = directory_.find(tag("vmtx"));
+    if (!header || !table || header->bytes.size() < 36) return;
+    const auto glyphs = static_cast<std::uint64_t>(basics_.glyph_count);
+    const std::uint64_t count = sfnt::u16(header->bytes, 34);
+    if (count == 0 || count > glyphs || table->bytes.size() < 4 * count + 2 * (glyphs - count)) {
+      result_.warnings.emplace_back("vmtx: is kept as it was: it is too short for the glyphs");
+      return;
+    }
+    const sfnt::Metrics old{table->bytes, static_cast<int>(count)};
+    Bytes& rebuilt = rebuilt_[tag("vmtx")] = Bytes(table->bytes.begin(), table->bytes.end());
+    Summary before;
+    Summary after;
+    const auto upright = [](const Box& box) { return Box{box.y_min, box.x_min, box.y_max, box.x_max}; };
+    for (int id = 0; id < basics_.glyph_count; ++id) {
+      const auto& old_box = boxes.before[static_cast<std::size_t>(id)];
+      const auto& new_box = boxes.after[static_cast<std::size_t>(id)];
+      if (!old_box || !new_box) continue;
+      const int bearing = old.bearing(id) - (new_box->y_max - old_box->y_max);
+      if (!fits_int16(bearing)) fail(id, text("top side bearing ", bearing, " does not fit in 16 bits"));
+      put_u16(rebuilt, old.bearing_offset(id), bearing);
+      before.add(upright(*old_box), old.bearing(id), old.advance(id));
+      after.add(upright(*new_box), bearing, old.advance(id));
+    }
+    rebuilt_[tag("vhea")] = Bytes(header->bytes.begin(), header->bytes.end());
+    follow_extents(tag("vhea"), before, after);
   }
 
   void rebuild_outlines() {
@@ -541,10 +680,6 @@ class Writer {
           text(sfnt::tag_name(drawing.table), ": ", drawing.what,
                ", another drawing of the same glyphs, are kept as they were; edited: ", list_names(font_, changed_)));
     }
-    if (directory_.has(tag("vmtx")) && !has_new_top_.empty()) {
-      result_.warnings.push_back(
-          text("vmtx: top side bearings are kept, though yMax moved in ", list_names(font_, has_new_top_)));
-    }
   }
 
   /// The result, read by the loader, must say what was asked, and the same as before of all else.
@@ -559,7 +694,7 @@ class Writer {
     for (const Glyph& glyph : font_.glyphs) {
       const Glyph& back = read->glyphs[static_cast<std::size_t>(glyph.id)];
       const bool is_changed = std::binary_search(changed_.begin(), changed_.end(), glyph.id);
-      const auto& wanted = is_changed ? edited_.at(glyph.id) : glyph.contours;
+      const auto& wanted = is_changed ? wanted_outline(glyph.id) : glyph.contours;
       if (!is_same_outline(back.contours, wanted)) fail(glyph.id, "the result reads back with another outline");
       if (back.name != glyph.name || back.advance != glyph.advance || back.origin != glyph.origin ||
           back.trouble != glyph.trouble ||
@@ -569,6 +704,56 @@ class Writer {
       }
     }
     if (read->character_map != font_.character_map) fail("the result reads back with another character map");
+    if (font_.format == OutlineFormat::Cff) check_by_freetype();
+  }
+
+  const std::vector<BezierContour>& wanted_outline(int id) const {
+    const auto snapped = snapped_.find(id);
+    return snapped == snapped_.end() ? edited_.at(id) : snapped->second;
+  }
+
+  /// What our reader made of charstrings that our writer made, FreeType must make of them too: exactly, where all
+  /// coordinates are whole; others it truncates.
+  void check_by_freetype() const {
+    std::vector<int> whole;
+    for (const int id : changed_) {
+      const bool has_fraction = std::ranges::any_of(wanted_outline(id), [](const BezierContour& contour) {
+        return (contour.points().array() != contour.points().array().floor()).any();
+      });
+      if (!has_fraction) whole.push_back(id);
+    }
+    const auto outlines = read_by_freetype(result_.data, whole);
+    for (std::size_t k = 0; k < whole.size(); ++k) {
+      if (without_empty_lines(wanted_outline(whole[k])) != outlines[k]) {
+        fail(whole[k], "FreeType reads another outline from the result");
+      }
+    }
+  }
+
+  /// As FreeType leaves a CFF glyph: no lines of no length, no contours of one point.
+  static std::vector<BezierContour> without_empty_lines(const std::vector<BezierContour>& contours) {
+    std::vector<BezierContour> result;
+    for (const BezierContour& contour : contours) {
+      std::vector<int> kept;
+      for (int i = 0; i < contour.point_count(); ++i) {
+        const bool is_line = i > 0 && contour.kind(i) == PointKind::Node && contour.kind(i - 1) == PointKind::Node;
+        if (!is_line || contour.point(i) != contour.point(i - 1)) kept.push_back(i);
+      }
+      // The end lies on the start, and only a line of no length is between them.
+      if (kept.size() > 1 && contour.kind(kept.back()) == PointKind::Node &&
+          contour.point(kept.back()) == contour.point(0)) {
+        kept.pop_back();
+      }
+      if (kept.size() < 2) continue;
+      fontcore::Points points(static_cast<Eigen::Index>(kept.size()), 2);
+      std::vector<PointKind> kinds;
+      for (const int i : kept) {
+        points.row(static_cast<Eigen::Index>(kinds.size())) = contour.point(i).transpose();
+        kinds.push_back(contour.kind(i));
+      }
+      result.emplace_back(std::move(points), std::move(kinds));
+    }
+    return result;
   }
 
   const Font& font_;
@@ -579,7 +764,7 @@ class Writer {
   sfnt::Basics basics_;
   std::vector<View> old_glyphs_;
   std::vector<std::optional<Bytes>> new_glyphs_;
-  std::vector<int> has_new_top_;
+  EditedGlyphs snapped_;  // of CFF: as they are written
   std::map<Tag, Bytes> rebuilt_;
   WrittenFont result_;
 };

@@ -101,7 +101,7 @@ constexpr std::array<Command, 5> table{{
     {"restyle", "apply a recipe to a font",
      [](CLI::App& app, Options& options) {
        app.add_option("RECIPE", options.restyle.recipe, "the recipe, JSON");
-       add_output(app, options, "the new font, .ttf; may be FONT itself");
+       add_output(app, options, "the new font, .ttf or .otf as FONT is; may be FONT itself");
        app.add_option("--report", options.restyle.report, "what became of every glyph, JSON");
        app.add_option("--proof", options.restyle.proof, "changed glyphs before and after, .png, .pdf or .svg");
        app.add_flag("--strict", options.restyle.strict, "any refused glyph: exit status 1 and no output");

@@ -206,6 +206,8 @@ std::string summary(const Request& request, const RestyleRequest& restyle, const
   if (!result.font.dropped_instructions.empty() || !result.font.moved_composites.empty())
     out += text("instructions dropped from ", count(result.font.dropped_instructions.size(), "glyph"),
                 "; box moved of ", count(result.font.moved_composites.size(), "composite"), "\n");
+  if (!result.font.dropped_hints.empty())
+    out += text("hints dropped from ", count(result.font.dropped_hints.size(), "glyph"), "\n");
   std::vector<std::string> written{restyle.output};
   for (const std::string& path : {restyle.report, restyle.proof})
     if (!path.empty()) written.push_back(path);
@@ -215,8 +217,9 @@ std::string summary(const Request& request, const RestyleRequest& restyle, const
 }  // namespace
 
 Outcome restyle(const Request& request, const RestyleRequest& restyle) {
-  if (!restyle.output.ends_with(".ttf"))
-    throw RequestError(restyle.output + ": the output's ending chooses its format; only .ttf is in this version");
+  if (!restyle.output.ends_with(".ttf") && !restyle.output.ends_with(".otf"))
+    throw RequestError(restyle.output +
+                       ": the output's ending chooses its format; only .ttf and .otf are in this version");
   check_outputs({}, {restyle.output, restyle.report, restyle.proof});
   check_outputs({request.font, restyle.recipe}, {restyle.report, restyle.proof});
   check_outputs({restyle.recipe}, {restyle.output});
@@ -224,8 +227,11 @@ Outcome restyle(const Request& request, const RestyleRequest& restyle) {
 
   const glyphs::Recipe recipe = glyphs::load_recipe(restyle.recipe);
   const Font font = glyphs::load_font(request.font, {.face = request.face});
-  if (font.format != glyphs::OutlineFormat::TrueType)
-    throw RequestError(request.font + ": only fonts with TrueType outlines are restyled in this version");
+  if (font.format != glyphs::OutlineFormat::TrueType && font.format != glyphs::OutlineFormat::Cff)
+    throw RequestError(request.font + ": only fonts with TrueType or CFF outlines are restyled in this version");
+  const std::string ending = font.format == glyphs::OutlineFormat::Cff ? ".otf" : ".ttf";
+  if (!restyle.output.ends_with(ending))
+    throw RequestError(restyle.output + ": the font's outlines are kept as they are, so its ending is " + ending);
 
   glyphs::RestyleOptions options;
   options.jobs = request.jobs;

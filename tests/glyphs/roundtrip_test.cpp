@@ -84,7 +84,9 @@ TEST_CASE("a font in which nothing is edited comes back bit for bit", "[roundtri
 }
 
 TEST_CASE("edited letters come back exactly, all else as it was", "[roundtrip]") {
-  for (const std::string& name : truetype_fonts) {
+  std::vector<std::string> all = truetype_fonts;
+  all.insert(all.end(), cff_fonts.begin(), cff_fonts.end());
+  for (const std::string& name : all) {
     INFO(name);
     const Font font = load_bundled(name);
     const EditedGlyphs edited = shake(font, 1);
@@ -106,17 +108,18 @@ TEST_CASE("edited letters come back exactly, all else as it was", "[roundtrip]")
     // By the bytes: tables, glyphs, advances.
     const auto before = sfnt_bytes::tables_of(*font.data);
     const auto after = sfnt_bytes::tables_of(written.data);
-    const std::set<std::string> may_change{"glyf", "head", "hhea", "hmtx", "loca", "maxp"};
+    const std::set<std::string> may_change{"CFF ", "glyf", "head", "hhea", "hmtx", "loca", "maxp"};
     const std::set<std::string> may_go{"DSIG", "LTSH", "VDMX", "hdmx"};
     for (const auto& [tag, bytes] : before) {
       INFO(tag);
       CHECK(after.contains(tag) != may_go.contains(tag));
       if (!may_change.contains(tag) && !may_go.contains(tag)) CHECK(after.at(tag) == bytes);
-      const bool is_listed =
-          std::find(written.changed_tables.begin(), written.changed_tables.end(), tag) != written.changed_tables.end();
+      const bool is_listed = std::ranges::count(written.changed_tables, tag == "CFF " ? "CFF" : tag) > 0;
       if (after.contains(tag)) CHECK(is_listed == (after.at(tag) != bytes));
     }
     CHECK(after.size() + written.dropped_tables.size() == before.size());
+    CHECK(sfnt_bytes::checksum(written.data) == 0xB1B0AFBA);
+    if (font.format == glyphs::OutlineFormat::Cff) continue;
     const auto old_glyphs = sfnt_bytes::glyphs_of(before);
     const auto new_glyphs = sfnt_bytes::glyphs_of(after);
     const std::vector<int> reached = dependents(font, ids(edited));
@@ -132,7 +135,6 @@ TEST_CASE("edited letters come back exactly, all else as it was", "[roundtrip]")
                  sfnt_bytes::get(after.at("hmtx"), 4 * id, 2) != sfnt_bytes::get(before.at("hmtx"), 4 * id, 2);
     }
     CHECK(changed == 0);
-    CHECK(sfnt_bytes::checksum(written.data) == 0xB1B0AFBA);
   }
 }
 

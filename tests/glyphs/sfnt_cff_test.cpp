@@ -6,6 +6,7 @@
 
 #include "glyphs/error.h"
 #include "glyphs/font_file.h"
+#include "glyphs/sfnt_writer.h"
 #include "tests/bundled_fonts.h"
 #include "tests/catch.h"
 #include "tests/glyphs/cff_bytes.h"
@@ -13,6 +14,7 @@
 namespace {
 
 using cff_bytes::charstring;
+using cff_bytes::entry;
 using cff_bytes::otf_of;
 using fontcore::BezierContour;
 using fontcore::Point;
@@ -20,7 +22,9 @@ using fontcore::PointKind;
 using fontcore::Points;
 using glyphs::Bytes;
 using glyphs::Font;
+using glyphs::FontWriteError;
 using glyphs::sfnt::CffIndex;
+using glyphs::sfnt::CffTable;
 using glyphs::sfnt::Charstring;
 using glyphs::sfnt::encode_charstring;
 using glyphs::sfnt::interpret;
@@ -239,6 +243,25 @@ TEST_CASE("an accented letter by endchar is a composite of the font's glyphs", "
   CHECK(loaded.glyphs[3].components[0].glyph == 1);
   CHECK(drawn(loaded, 3) == drawn(loaded, 1) + " | 120,50 150,50 150,80");
   CHECK(loaded.glyphs[4].trouble == "is put together from a character 1 that the font does not have");
+
+  SECTION("and follows an edit of its base") {
+    std::vector<BezierContour> moved;
+    for (const BezierContour& contour : loaded.glyphs[1].contours) {
+      moved.push_back(transform(contour, {.shift = Point(-30, 40)}));
+    }
+    const auto written = write_sfnt(loaded, {{1, moved}});
+    CHECK(written.moved_composites == std::vector{3});
+    const Font again = glyphs::load_font_bytes("again.otf", written.data);
+    CHECK(drawn(again, 3) == "-20,60 80,60 80,160 -20,160 | 120,50 150,50 150,80");
+    const auto hmtx = sfnt_bytes::tables_of(written.data).at("hmtx");
+    CHECK(sfnt_bytes::get16(hmtx, 4 * 1 + 2) == -30);
+    CHECK(sfnt_bytes::get16(hmtx, 4 * 3 + 2) == -30);
+  }
+  SECTION("and is not edited itself") {
+    CHECK(message_of<FontWriteError>([&] {
+            write_sfnt(loaded, {{3, {}}});
+          }) == "small.otf: " + loaded.glyphs[3].name + ": is a composite; it is edited through its components");
+  }
 }
 
 TEST_CASE("a FontMatrix of a Font DICT scales its glyphs, one of the Top DICT is the em", "[sfnt_cff]") {
@@ -252,6 +275,9 @@ TEST_CASE("a FontMatrix of a Font DICT scales its glyphs, one of the Top DICT is
   const Font loaded = load(font);
   CHECK(drawn(loaded, 1) == "10,20 110,20 110,120 10,120");
   CHECK(drawn(loaded, 2) == "5,10 55,10 55,60 5,60");
+  CHECK(message_of<FontWriteError>([&] {
+          write_sfnt(loaded, {{2, {transform(loaded.glyphs[2].contours[0], {.shift = Point(1, 1)})}}});
+        }).ends_with("cannot be edited: it is drawn through a FontMatrix"));
 }
 
 namespace {
@@ -345,4 +371,107 @@ TEST_CASE("what a charstring cannot hold is refused by name", "[sfnt_cff]") {
   CHECK(error_of({{0, 0}, {5, 0}, {0, 9}}, {Node, Quadratic, Node}) ==
         "contour 0, point 1: of a quadratic, which CFF does not have");
   CHECK(error_of({{0, 0}, {5, 0}, {0, 9}, {9, 9}}, {Cubic, Cubic, Node, Node}) == "contour 0: begins with a handle");
+}
+
+TEST_CASE("an edited glyph of a CID-keyed font is rewritten, all others keep their bytes", "[sfnt_cff]") {
+  cff_bytes::Cff font = cff_of({});
+  font.font_dicts = {
+      {.local_subroutines = {charstring("100 hlineto 100 vlineto return")}, .matrix = {}},
+      {.local_subroutines = {charstring("50 vlineto 50 hlineto return"), charstring("return")}, .matrix = {}},
+      {.local_subroutines = {}, .matrix = {}}};
+  font.between = {1, 2, 3, 4, 5};
+  for (int id = 1; id < 60; ++id) {
+    font.charstrings.push_back(charstring(
+        fontcore::text(id, " 10 20 rmoveto -107 ", id % 3 == 2 ? "drop 7 8 9" : "callsubr -7", " hlineto endchar")));
+  }
+  for (int id = 0; id < 60; ++id) font.selection.push_back(id % 3);
+  const Font loaded = load(font);
+  for (const glyphs::Glyph& glyph : loaded.glyphs) REQUIRE(glyph.trouble == "");
+  const auto before = sfnt_bytes::tables_of(*loaded.data);
+  // One glyph grows over the offset size of the INDEX, another one shrinks.
+  Points points(20000, 2);
+  for (int i = 0; i < 20000; ++i) points.row(i) << 200 * (i % 7), 300 * (i % 5);
+  for (const bool is_large : {false, true}) {
+    glyphs::EditedGlyphs edited{{4, {transform(loaded.glyphs[4].contours[0], {.shift = Point(3, -5)})}}};
+    if (is_large) edited[31] = {BezierContour(points, std::vector<PointKind>(20000, PointKind::Node))};
+    const auto written = write_sfnt(loaded, edited);
+    const auto after = sfnt_bytes::tables_of(written.data);
+    const CffTable old_table(before.at("CFF "), 1000);
+    const CffTable new_table(after.at("CFF "), 1000);
+    CHECK(new_table.is_cid_keyed());
+    for (int id = 0; id < 60; ++id) {
+      const auto old_bytes = old_table.charstrings().object(id);
+      const auto new_bytes = new_table.charstrings().object(id);
+      if (!edited.contains(id)) CHECK(std::ranges::equal(old_bytes, new_bytes));
+      CHECK(new_table.read(id).width == old_table.read(id).width);
+    }
+    CHECK(new_table.charstrings().offset_size == (is_large ? 3 : 2));
+    CHECK(std::ranges::search(after.at("CFF "), font.between).size() == 5);
+    for (const std::string tag : {"cmap", "maxp", "post"}) CHECK(after.at(tag) == before.at(tag));
+    const Font again = glyphs::load_font_bytes("again.otf", written.data);
+    for (const auto& [id, contours] : edited) CHECK(again.glyphs[static_cast<std::size_t>(id)].contours == contours);
+  }
+}
+
+TEST_CASE("every glyph of the bundled CFF fonts comes back from another size, and all tables but the outlines' stay",
+          "[sfnt_cff]") {
+  for (const std::string name : {"cabin/Cabin-Regular.otf", "cabin/Cabin-Bold.otf",
+                                 "eb-garamond/EBGaramond12-Regular.otf", "eb-garamond/EBGaramond12-Bold.otf"}) {
+    INFO(name);
+    const Font font = glyphs::load_font(bundled_font(name));
+    glyphs::EditedGlyphs edited;
+    for (const glyphs::Glyph& glyph : font.glyphs) {
+      for (const BezierContour& contour : glyph.contours) {
+        edited[glyph.id].push_back(
+            transform(contour, {.linear = 3 * Eigen::Matrix2d::Identity(), .shift = Point(1, 1)}));
+      }
+    }
+    const auto written = write_sfnt(font, edited);
+    const Font again = glyphs::load_font_bytes("again.otf", written.data);
+    for (const auto& [id, contours] : edited) CHECK(again.glyphs[static_cast<std::size_t>(id)].contours == contours);
+    const auto before = sfnt_bytes::tables_of(*font.data);
+    const auto after = sfnt_bytes::tables_of(written.data);
+    for (const auto& [tag, bytes] : after) {
+      const bool may_change = tag == "CFF " || tag == "head" || tag == "hhea" || tag == "hmtx";
+      CHECK((may_change || bytes == before.at(tag)));
+    }
+    CHECK(sfnt_bytes::checksum(written.data) == 0xB1B0AFBA);
+  }
+}
+
+TEST_CASE("top side bearings follow, so that an outline stays at its vertical origin", "[sfnt_cff]") {
+  const cff_bytes::Cff cff = cff_of({square, square});
+  Bytes vhea = sfnt_bytes::small_font({{}}).at("hhea");
+  sfnt_bytes::set16(vhea, 34, 1);  // one advance for all
+  Bytes vmtx;
+  for (const int value : {1000, 0, 780, 780}) sfnt_bytes::put16(vmtx, value);
+  const Font font =
+      glyphs::load_font_bytes("tall.otf", otf_of(cff_bytes::table(cff), 3, {{"vhea", vhea}, {"vmtx", vmtx}}));
+  const auto written = write_sfnt(font, {{2, {transform(font.glyphs[2].contours[0], {.shift = Point(0, 25)})}}});
+  const auto after = sfnt_bytes::tables_of(written.data);
+  CHECK(sfnt_bytes::get16(after.at("vmtx"), 4) == 780);
+  CHECK(sfnt_bytes::get16(after.at("vmtx"), 6) == 755);
+  CHECK(sfnt_bytes::get16(after.at("vhea"), 12) == 755);                          // the least top side bearing
+  CHECK(sfnt_bytes::get16(after.at("vhea"), 16) == sfnt_bytes::get16(vhea, 16));  // 880, as before
+  CHECK(written.changed_tables == std::vector<std::string>{"CFF", "head", "vhea", "vmtx"});
+}
+
+TEST_CASE("an edited CFF glyph loses its hints by name, and keeps its width", "[sfnt_cff]") {
+  const Font font = load(cff_of({"77 1 2 hstem " + square, square}));
+  CHECK(font.glyphs[1].has_hints);
+  CHECK_FALSE(font.glyphs[2].has_hints);
+  glyphs::EditedGlyphs edited;
+  for (const int id : {1, 2}) {
+    const Point shift(0.25, -1.0 / 3);
+    edited[id] = {transform(font.glyphs[static_cast<std::size_t>(id)].contours[0], {.shift = shift})};
+  }
+  const auto written = write_sfnt(font, edited);
+  CHECK(written.dropped_hints == std::vector{1});
+  CHECK(written.changed_tables == std::vector<std::string>{"CFF", "head", "hhea"});
+  const CffTable table(sfnt_bytes::tables_of(written.data).at("CFF "), 1000);
+  CHECK(table.read(1).width == 77);
+  CHECK_FALSE(table.read(2).width);
+  const Point corner = table.read(1).contours.at(0).point(0);
+  CHECK(corner.x() == 10.25);
+  CHECK(corner.y() == std::round((20 - 1.0 / 3) * 65536) / 65536);
 }
