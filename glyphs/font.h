@@ -56,6 +56,9 @@ struct Glyph {
 
 enum class OutlineFormat { TrueType, Cff, Cff2, None, Ufo };
 
+/// What the file was, before its bytes became an sfnt.
+enum class Container { Sfnt, Woff, Woff2 };
+
 /// A font as plain values, in font units, y up, that know no file format; `data` is the file it came from.
 struct Font {
   std::string path;
@@ -68,9 +71,12 @@ struct Font {
   std::string family;
   std::string style;
   OutlineFormat format = OutlineFormat::None;
-  std::vector<Glyph> glyphs;                ///< by glyph id
-  std::map<char32_t, int> character_map;    ///< Unicode code point -> glyph id
-  std::shared_ptr<const Bytes> data;        ///< the whole file, bit for bit; none for a UFO
+  std::vector<Glyph> glyphs;              ///< by glyph id
+  std::map<char32_t, int> character_map;  ///< Unicode code point -> glyph id
+  std::shared_ptr<const Bytes> data;      ///< the whole file, bit for bit; of a web font what it packs, of an
+                                          ///< instance the static font; none for a UFO
+  Container container = Container::Sfnt;
+  std::vector<std::string> warnings;        ///< what reading could not carry over, a line each
   std::shared_ptr<const Folder> folder;     ///< of a UFO: all its files, bit for bit
   bool has_fractional_coordinates = false;  ///< CFF operands that are not whole numbers
 

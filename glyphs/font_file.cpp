@@ -9,6 +9,7 @@
 
 #include "glyphs/error.h"
 #include "glyphs/freetype_loader.h"
+#include "glyphs/woff.h"
 
 namespace glyphs {
 
@@ -62,7 +63,14 @@ Font load_font(const std::string& path, const LoadOptions& options) {
 }
 
 Font load_font_bytes(const std::string& path, Bytes data, const LoadOptions& options) {
-  return load_sfnt(path, std::move(data), options.face);
+  Container container = Container::Sfnt;
+  if (is_web_font(data)) {
+    container = data[3] == '2' ? Container::Woff2 : Container::Woff;
+    data = unpack_web_font(path, data);
+  }
+  Font font = load_sfnt(path, std::move(data), options.face);
+  font.container = container;
+  return font;
 }
 
 }  // namespace glyphs

@@ -20,6 +20,7 @@ struct LoadOptions {
 };
 
 /// A font of any kind that is read, as plain values: original points, unscaled and unhinted, composites as components.
+/// A web font becomes the sfnt that it packs before anything else.
 /// A variable font gives its default.
 ///
 /// Throws  FontReadError, one line naming the file.

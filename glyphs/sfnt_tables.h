@@ -93,8 +93,6 @@ inline Directory read_directory(View file, int face_index) {
   Directory directory;
   std::uint64_t start = 0;
   directory.version = u32(file, 0);
-  if (directory.version == tag("wOFF")) throw Malformed("is a WOFF font; WOFF is not read by this version");
-  if (directory.version == tag("wOF2")) throw Malformed("is a WOFF2 font; WOFF2 is not read by this version");
   std::uint64_t faces = 1;
   if (directory.version == tag("ttcf")) {
     directory.is_collection = true;
@@ -152,6 +150,27 @@ inline Directory read_directory(View file, int face_index) {
   }
   return directory;
 }
+
+/// A table to be written, and how long it is.
+struct TableSize {
+  Tag tag = 0;
+  std::uint64_t length = 0;
+};
+
+/// A single font whose tables are still to be filled in; `seal` makes it whole.
+struct Layout {
+  std::vector<unsigned char> file;
+  std::vector<std::uint64_t> offsets;  ///< of each table, in the order given
+};
+
+/// The directory of a single font, by tag, and room for its tables in the order given, each padded to four bytes.
+Layout lay_out(Tag version, const std::vector<TableSize>& tables);
+/// Puts in the tables' checksums and head.checkSumAdjustment.
+void seal(std::vector<unsigned char>& file);
+/// A single font of the given tables, in that order in the file.
+std::vector<unsigned char> build(Tag version, const std::vector<TableRecord>& tables);
+/// The tables of a directory as they lie in the file.
+std::vector<TableRecord> in_file_order(const Directory& directory);
 
 /// `hmtx` with the numbers that say how to read it.
 struct Metrics {
@@ -272,6 +291,9 @@ struct SimpleGlyph {
   bool overlaps = false;  ///< bit 6 of the first flag
 };
 
+/// A simple glyph's bytes as small as the format allows: short vectors, repeated flags.
+std::vector<unsigned char> encode(const SimpleGlyph& glyph, const Box& box, View instructions = {});
+
 /// Throws  Malformed if it ends early, or if the contours' ends do not rise.
 inline SimpleGlyph read_simple_glyph(View glyph) {
   enum : unsigned { on = 1, short_x = 2, short_y = 4, repeat = 8, same_x = 16, same_y = 32, overlap = 64 };
@@ -311,6 +333,27 @@ inline SimpleGlyph read_simple_glyph(View glyph) {
   read_axis(short_x, same_x, &SimpleGlyph::Point::x);
   read_axis(short_y, same_y, &SimpleGlyph::Point::y);
   return result;
+}
+
+// ---- bytes to be written; offsets that are not there are a slip of the program
+
+inline void append_u16(std::vector<unsigned char>& bytes, int value) {
+  bytes.push_back(static_cast<unsigned char>(value >> 8 & 0xFF));
+  bytes.push_back(static_cast<unsigned char>(value & 0xFF));
+}
+inline void put_u16(std::vector<unsigned char>& bytes, std::uint64_t at, int value) {
+  bytes.at(at) = static_cast<unsigned char>(value >> 8 & 0xFF);
+  bytes.at(at + 1) = static_cast<unsigned char>(value & 0xFF);
+}
+inline void put_u32(std::vector<unsigned char>& bytes, std::uint64_t at, std::uint32_t value) {
+  put_u16(bytes, at, static_cast<int>(value >> 16));
+  put_u16(bytes, at + 2, static_cast<int>(value & 0xFFFF));
+}
+inline void put_box(std::vector<unsigned char>& bytes, std::uint64_t at, const Box& box) {
+  put_u16(bytes, at, box.x_min);
+  put_u16(bytes, at + 2, box.y_min);
+  put_u16(bytes, at + 4, box.x_max);
+  put_u16(bytes, at + 6, box.y_max);
 }
 
 }  // namespace glyphs::sfnt
