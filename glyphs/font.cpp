@@ -1,6 +1,7 @@
 #include "glyphs/font.h"
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 #include <set>
 
@@ -111,6 +112,24 @@ std::vector<BezierContour> compose(const Font& font, int glyph) {
   std::vector<BezierContour> contours = Composer(font, glyph).placed(glyph, 0);
   if (const double origin = glyph_at(font, glyph).origin; origin != 0.0) {
     for (BezierContour& contour : contours) contour = transform(contour, {.shift = Point(-origin, 0.0)});
+  }
+  return contours;
+}
+
+std::vector<BezierContour> decompose(const Font& font, int glyph) {
+  std::vector<BezierContour> contours = Composer(font, glyph).placed(glyph, 0);
+  if (!glyph_at(font, glyph).is_composite()) return contours;
+  for (BezierContour& contour : contours) {
+    fontcore::Points points = contour.points();
+    const Eigen::Index n = points.rows();
+    for (Eigen::Index i = 0; i < n; ++i) {
+      for (Eigen::Index axis = 0; axis < 2; ++axis) points(i, axis) = std::floor(points(i, axis) + 0.5);
+    }
+    for (Eigen::Index i = 0; i < n; ++i) {
+      if (contour.kind(static_cast<int>(i)) != PointKind::ImpliedNode) continue;
+      points.row(i) = 0.5 * (points.row((i + n - 1) % n) + points.row((i + 1) % n));
+    }
+    contour = contour.with_points(points);
   }
   return contours;
 }

@@ -96,6 +96,13 @@ constexpr double model_tolerance = 0.25e-3;
 ///         match out of range, or more than `max_composed_points` points, naming file and glyph.
 std::vector<fontcore::BezierContour> compose(const Font& font, int glyph);
 
+/// What editing a composite means: nothing, or the glyph with its components' contours in place of them.
+enum class Composites { Refuse, Decompose };
+
+/// A glyph's contours as the font would store them if it had no components: `compose`, in the glyph's own place,
+/// rounded half up to whole numbers. Points keep their numbers. Throws  as compose.
+std::vector<fontcore::BezierContour> decompose(const Font& font, int glyph);
+
 /// Glyph ids whose outline changes when the given glyphs' own contours do: they, and every composite that uses them,
 /// sorted.
 std::vector<int> dependents(const Font& font, const std::vector<int>& glyphs);

@@ -286,6 +286,9 @@ Recipe read_recipe(const std::string& json) {
       emit.fail("mode", std::string("\"compact\" ") + later);
     if (emit.has("tolerance")) recipe.tolerance = emit.take_number("tolerance");
     if (!(recipe.tolerance > 0.0)) emit.fail("tolerance", "must be positive");
+    if (emit.take_choice("composites", {"refuse", "decompose"}, "refuse") == "decompose") {
+      recipe.composites = Composites::Decompose;
+    }
     emit.finish();
   }
   const std::string crossing = reader.take_choice("on_crossing", {"reduce", "refuse", "allow"}, "reduce");

@@ -92,6 +92,7 @@ struct Recipe {
   std::vector<Step> steps;
   Keep keep;
   double tolerance = 0.5;  ///< deviation of the emitted outline from the wished one that is remarked on, font units
+  Composites composites = Composites::Refuse;  ///< what a selected composite means
   OnCrossing on_crossing = OnCrossing::Reduce;
   bool lengths_in_thousandths = false;  ///< lengths are em/1000, not font units
   std::uint64_t seed = 0;

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <numeric>
+#include <optional>
 
 #include "fontcore/alignment.h"
 #include "fontcore/crossing.h"
@@ -585,6 +586,19 @@ Attempt reduced(GlyphEditor& editor, Attempt best, const Added& added, GlyphRepo
   return best;
 }
 
+// A composite that the recipe decomposes, as the simple glyph it would be.
+std::optional<Glyph> without_components(const Font& font, const Glyph& glyph, const Recipe& recipe) {
+  if (!glyph.is_composite() || recipe.composites == Composites::Refuse) return std::nullopt;
+  Glyph result = glyph;
+  result.components.clear();
+  try {
+    result.contours = decompose(font, glyph.id);
+  } catch (const FontReadError& error) {
+    result.trouble = error.what();
+  }
+  return result;
+}
+
 std::string parts_of(const Font& font, const Glyph& glyph) {
   std::vector<std::string> names;
   for (const Component& part : glyph.components) {
@@ -612,7 +626,9 @@ std::vector<double> alignment_zones(const Font& font) {
 }
 
 GlyphResult restyle_glyph(const Font& font, int id, const Recipe& recipe, const std::vector<double>& zones) {
-  const Glyph& glyph = font.glyphs.at(static_cast<std::size_t>(id));
+  const std::optional<Glyph> decomposed =
+      without_components(font, font.glyphs.at(static_cast<std::size_t>(id)), recipe);
+  const Glyph& glyph = decomposed ? *decomposed : font.glyphs.at(static_cast<std::size_t>(id));
   GlyphResult result{glyph.contours, glyph.contours, {}};
   GlyphReport& report = result.report;
   report.glyph = id;
@@ -645,6 +661,10 @@ GlyphResult restyle_glyph(const Font& font, int id, const Recipe& recipe, const 
     result.unrounded = std::move(best.unrounded);
     report.steps = std::move(best.steps);
     report.changed = result.contours != glyph.contours;
+    if (decomposed && report.changed) {
+      report.notes.push_back("decomposed: it is a simple glyph now, of the outlines that its parts had: " +
+                             parts_of(font, font.glyphs[static_cast<std::size_t>(id)]));
+    }
   } catch (const Refusal& refusal) {
     report.refused = refusal.reason;
   } catch (
@@ -725,6 +745,10 @@ void check_recipe(const Font& font, const Recipe& recipe, const std::vector<int>
 }  // namespace
 
 RestyleResult restyle(const Font& font, const Recipe& recipe, const RestyleOptions& options) {
+  if (font.is_variable && !recipe.steps.empty()) {
+    throw FontWriteError(font.path +
+                         ": is variable, and edited at one place of its design space only: give a --location");
+  }
   std::vector<int> selected = select_glyphs(font, recipe.glyphs);
   check_recipe(font, recipe, selected);
   if (options.only) {
@@ -743,11 +767,16 @@ RestyleResult restyle(const Font& font, const Recipe& recipe, const RestyleOptio
 
   RestyleResult result;
   EditedGlyphs edited;
+  WriteOptions writing{.composites = recipe.composites};
   for (GlyphResult& glyph : results) {
+    const bool was_composite = font.glyphs[static_cast<std::size_t>(glyph.report.glyph)].is_composite();
+    if (glyph.report.crossings_after > 0 && (glyph.report.crossings_before == 0 || was_composite)) {
+      writing.overlapping.push_back(glyph.report.glyph);
+    }
     if (glyph.report.changed) edited.emplace(glyph.report.glyph, std::move(glyph.contours));
     result.glyphs.push_back(std::move(glyph.report));
   }
-  result.font = write_sfnt(font, edited);
+  result.font = write_sfnt(font, edited, writing);
   for (GlyphReport& report : result.glyphs) {
     const auto& dropped = result.font.dropped_instructions;
     if (std::binary_search(dropped.begin(), dropped.end(), report.glyph)) {
@@ -775,6 +804,7 @@ std::string report_json(const Font& font, const RestyleResult& result) {
                {"changed_tables", result.font.changed_tables},
                {"dropped_tables", result.font.dropped_tables},
                {"moved_composites", names(result.font.moved_composites)},
+               {"decomposed", names(result.font.decomposed)},
                {"dropped_instructions", names(result.font.dropped_instructions)},
                {"dropped_hints", names(result.font.dropped_hints)},
                {"warnings", result.font.warnings}};

@@ -1,11 +1,11 @@
 #include "glyphs/sfnt_writer.h"
 
-#include <hb.h>
-
 #include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <cstdlib>
+#include <functional>
+#include <iterator>
 #include <limits>
 #include <optional>
 #include <set>
@@ -13,6 +13,7 @@
 
 #include "fontcore/measure.h"
 #include "glyphs/error.h"
+#include "glyphs/font_file.h"
 #include "glyphs/freetype_loader.h"
 #include "glyphs/sfnt_cff.h"
 
@@ -25,6 +26,9 @@ using fontcore::PointKind;
 using fontcore::text;
 using sfnt::Box;
 using sfnt::Malformed;
+using sfnt::put_box;
+using sfnt::put_u16;
+using sfnt::put_u32;
 using sfnt::SimpleGlyph;
 using sfnt::Tag;
 using sfnt::tag;
@@ -34,25 +38,6 @@ constexpr std::size_t most_points = 65535;  // of a simple glyph: the last one's
 constexpr int int16_min = std::numeric_limits<std::int16_t>::min();
 constexpr int int16_max = std::numeric_limits<std::int16_t>::max();
 bool fits_int16(double value) { return value >= int16_min && value <= int16_max; }
-
-void append_u16(Bytes& bytes, int value) {
-  bytes.push_back(static_cast<unsigned char>(value >> 8 & 0xFF));
-  bytes.push_back(static_cast<unsigned char>(value & 0xFF));
-}
-void put_u16(Bytes& bytes, std::uint64_t at, int value) {
-  bytes.at(at) = static_cast<unsigned char>(value >> 8 & 0xFF);
-  bytes.at(at + 1) = static_cast<unsigned char>(value & 0xFF);
-}
-void put_u32(Bytes& bytes, std::uint64_t at, std::uint32_t value) {
-  put_u16(bytes, at, static_cast<int>(value >> 16));
-  put_u16(bytes, at + 2, static_cast<int>(value & 0xFFFF));
-}
-void put_box(Bytes& bytes, std::uint64_t at, const Box& box) {
-  put_u16(bytes, at, box.x_min);
-  put_u16(bytes, at + 2, box.y_min);
-  put_u16(bytes, at + 4, box.x_max);
-  put_u16(bytes, at + 6, box.y_max);
-}
 
 /// Names, the first few of them.
 std::string list_names(const Font& font, const std::vector<int>& glyphs) {
@@ -85,54 +70,6 @@ bool is_same_part(const Component& a, const Component& b) {
          a.use_my_metrics == b.use_my_metrics;
 }
 
-// ---- one glyph
-
-/// A simple glyph's bytes as small as the format allows: short vectors, repeated flags, no instructions.
-Bytes encode(const SimpleGlyph& glyph, const Box& box) {
-  enum : unsigned { on = 1, short_x = 2, short_y = 4, repeat = 8, same_x = 16, same_y = 32, overlap = 64 };
-  Bytes bytes;
-  append_u16(bytes, static_cast<int>(glyph.ends.size()));
-  bytes.resize(10);
-  put_box(bytes, 2, box);
-  for (const int end : glyph.ends) append_u16(bytes, end);
-  append_u16(bytes, 0);
-  std::vector<unsigned> flags;
-  Bytes steps_x;
-  Bytes steps_y;
-  const auto encode_step = [](int step, unsigned is_short, unsigned same, Bytes& steps) -> unsigned {
-    if (step == 0) return same;
-    if (step >= -255 && step <= 255) {
-      steps.push_back(static_cast<unsigned char>(std::abs(step)));
-      return step > 0 ? is_short | same : is_short;
-    }
-    append_u16(steps, step);
-    return 0;
-  };
-  SimpleGlyph::Point last;
-  for (const SimpleGlyph::Point& point : glyph.points) {
-    unsigned flag = point.on_curve ? on : 0u;
-    if (flags.empty() && glyph.overlaps) flag |= overlap;
-    flag |= encode_step(point.x - last.x, short_x, same_x, steps_x);
-    flag |= encode_step(point.y - last.y, short_y, same_y, steps_y);
-    flags.push_back(flag);
-    last = point;
-  }
-  for (std::size_t i = 0; i < flags.size();) {
-    std::size_t run = 1;
-    while (run < 256 && i + run < flags.size() && flags[i + run] == flags[i]) ++run;
-    if (run > 2) {
-      bytes.push_back(static_cast<unsigned char>(flags[i] | repeat));
-      bytes.push_back(static_cast<unsigned char>(run - 1));
-    } else {
-      bytes.insert(bytes.end(), run, static_cast<unsigned char>(flags[i]));
-    }
-    i += run;
-  }
-  bytes.insert(bytes.end(), steps_x.begin(), steps_x.end());
-  bytes.insert(bytes.end(), steps_y.begin(), steps_y.end());
-  return bytes;
-}
-
 // ---- the font
 
 /// The box of what every glyph draws, before and after; none if it draws nothing.
@@ -161,12 +98,14 @@ struct Summary {
 
 class Writer {
  public:
-  Writer(const Font& font, const EditedGlyphs& edited) : font_(font), edited_(edited) {}
+  Writer(const Font& font, const EditedGlyphs& edited, const WriteOptions& options)
+      : font_(font), edited_(edited), options_(options) {}
 
   WrittenFont write() {
     find_changes();
+    result_.warnings = font_.warnings;
     if (changed_.empty()) {
-      result_.data = *font_.data;
+      copy_all();
       return std::move(result_);
     }
     refuse_formats();
@@ -190,7 +129,7 @@ class Writer {
   [[noreturn]] void fail(const std::string& why) const { throw FontWriteError(text(font_.path, ": ", why)); }
   [[noreturn]] void fail(int glyph, const std::string& why) const { fail(text(glyph_at(glyph).name, ": ", why)); }
 
-  /// The edited glyphs that differ from the font's, with their structure checked.
+  /// The edited glyphs that differ from the font's, with their structure checked; a composite's is that of its parts.
   void find_changes() {
     if (!font_.data) fail("the font has no data to be written from");
     for (const auto& [id, contours] : edited_) {
@@ -199,18 +138,23 @@ class Writer {
       }
       const Glyph& glyph = glyph_at(id);
       if (!glyph.trouble.empty()) fail(id, text("cannot be edited: ", glyph.trouble));
-      if (glyph.is_composite()) fail(id, "is a composite; it is edited through its components");
-      if (contours.size() != glyph.contours.size()) {
-        fail(id, text(contours.size(), " contours for the font's ", glyph.contours.size()));
+      const bool is_composite = glyph.is_composite();
+      if (is_composite && options_.composites == Composites::Refuse) {
+        fail(id, "is a composite; it is edited through its components");
+      }
+      const std::vector<BezierContour> before = decompose(font_, id);
+      if (contours.size() != before.size()) {
+        fail(id, text(contours.size(), " contours for the font's ", before.size()));
       }
       for (std::size_t c = 0; c < contours.size(); ++c) {
         for (int i = 0; i < contours[c].point_count(); ++i) {
           if (contours[c].kind(i) == PointKind::ImpliedNode) require_midpoint(id, c, contours[c], i);
         }
       }
-      if (is_same_outline(contours, glyph.contours)) continue;
+      if (is_same_outline(contours, before)) continue;
       changed_.push_back(id);
-      if (has_same_structure(contours, glyph.contours)) continue;
+      if (is_composite) result_.decomposed.push_back(id);
+      if (has_same_structure(contours, before)) continue;
       renumbered_.push_back(id);
       if (const int user = matched_in(font_, id); user >= 0) {
         fail(id,
@@ -219,12 +163,25 @@ class Writer {
     }
   }
 
+  bool is_decomposed(int id) const { return std::ranges::binary_search(result_.decomposed, id); }
+
+  /// Nothing is edited: the file, or a face of a collection by itself.
+  void copy_all() {
+    result_.data = *font_.data;
+    if (!font_.is_collection) return;
+    const sfnt::Directory face = sfnt::read_directory(*font_.data, font_.face_index);
+    std::vector<sfnt::TableRecord> tables = sfnt::in_file_order(face);
+    if (std::erase_if(tables, [](const sfnt::TableRecord& table) { return table.tag == tag("DSIG"); }) > 0) {
+      result_.dropped_tables.emplace_back("DSIG");
+    }
+    result_.data = sfnt::build(face.version, tables);
+  }
+
   void refuse_formats() const {
     if (font_.format != OutlineFormat::TrueType && font_.format != OutlineFormat::Cff) {
       fail("this version writes TrueType and CFF outlines only");
     }
-    if (font_.is_collection) fail("this version does not write collections");
-    if (font_.is_variable) fail("this version does not write variable fonts");
+    if (font_.is_variable) fail("is variable, and edited at one place of its design space only: give a --location");
   }
 
   void open_tables() {
@@ -234,13 +191,18 @@ class Writer {
     const auto count = static_cast<std::size_t>(basics_.glyph_count);
     if (font_.glyphs.size() != count) fail(text(font_.glyphs.size(), " glyphs, but its data has ", count));
     old_glyphs_.resize(count);
+    is_lost_.resize(count);
+    std::uint64_t total = 0;
     for (int id = 0; id < basics_.glyph_count && font_.format == OutlineFormat::TrueType; ++id) {
+      const auto k = static_cast<std::size_t>(id);
       try {
-        old_glyphs_[static_cast<std::size_t>(id)] = basics_.outlines.bytes(id);
-      } catch (const Malformed& error) {
-        fail(id, error.what());
+        old_glyphs_[k] = basics_.outlines.bytes(id);
+      } catch (const Malformed&) {
+        is_lost_[k] = true;
       }
+      total += old_glyphs_[k].size();
     }
+    if (total > max_font_size) fail(text("table loca: glyphs share their bytes, and have ", total, " one by one"));
     new_glyphs_.resize(count);
     const auto copy = [&](Tag name) {
       const View bytes = directory_.require(name, 0);
@@ -251,8 +213,15 @@ class Writer {
 
   void encode_glyphs() {
     for (const int id : changed_) {
-      SimpleGlyph stored = sfnt::read_simple_glyph(old_glyphs_[static_cast<std::size_t>(id)]);
       const std::vector<BezierContour>& contours = edited_.at(id);
+      SimpleGlyph stored;
+      if (is_decomposed(id)) {
+        stored.ends.resize(contours.size());
+        stored.overlaps = has_overlaps(id);
+      } else {
+        stored = sfnt::read_simple_glyph(old_glyphs_[static_cast<std::size_t>(id)]);
+      }
+      stored.overlaps = stored.overlaps || std::ranges::binary_search(options_.overlapping, id);
       if (stored.ends.size() != contours.size()) {
         fail(id, text("the font's data has ", stored.ends.size(), " contours, the glyph ", contours.size()));
       }
@@ -276,11 +245,33 @@ class Writer {
       if (stored.points.size() > most_points) {
         fail(id, text(stored.points.size(), " points, more than the ", most_points, " of the format"));
       }
-      place(id, encode(stored, box), box);
+      place(id, sfnt::encode(stored, box), box);
       raise_maximum(6, static_cast<int>(stored.points.size()));
       raise_maximum(8, static_cast<int>(stored.ends.size()));
       if (glyph_at(id).has_instructions) result_.dropped_instructions.push_back(id);
     }
+  }
+
+  /// True if a composite says that its parts overlap, or if the contours of one do.
+  bool has_overlaps(int composite) const {
+    constexpr unsigned overlap_compound = 0x0400;
+    std::set<int> seen{composite};
+    std::vector<int> open{composite};
+    while (!open.empty()) {
+      const int id = open.back();
+      open.pop_back();
+      const View bytes = old_glyphs_[static_cast<std::size_t>(id)];
+      const Glyph& glyph = glyph_at(id);
+      if (!glyph.is_composite()) {
+        if (!glyph.contours.empty() && sfnt::read_simple_glyph(bytes).overlaps) return true;
+        continue;
+      }
+      if (sfnt::u16(bytes, 10) & overlap_compound) return true;
+      for (const Component& part : glyph.components) {
+        if (seen.insert(part.glyph).second) open.push_back(part.glyph);
+      }
+    }
+    return false;
   }
 
   std::pair<int, int> whole(int id, std::size_t c, const BezierContour& contour, int i) const {
@@ -313,7 +304,9 @@ class Writer {
   /// Gives the glyph new bytes and lets its left side bearing follow its box.
   void place(int id, Bytes bytes, const Box& box) {
     const Box old_box = sfnt::read_box(old_glyphs_[static_cast<std::size_t>(id)]);
-    const int bearing = basics_.metrics.bearing(id) + box.x_min - old_box.x_min;
+    // A composite that takes its metrics from a part has its origin from there, whatever its own bearing says.
+    const int bearing = is_decomposed(id) ? box.x_min - static_cast<int>(glyph_at(id).origin)
+                                          : basics_.metrics.bearing(id) + box.x_min - old_box.x_min;
     if (!fits_int16(bearing)) fail(id, text("left side bearing ", bearing, " does not fit in 16 bits"));
     put_u16(rebuilt_[tag("hmtx")], basics_.metrics.bearing_offset(id), bearing);
     new_glyphs_[static_cast<std::size_t>(id)] = std::move(bytes);
@@ -339,10 +332,13 @@ class Writer {
 
   void move_composites() {
     Font after = font_;
-    for (const int id : changed_) after.glyphs[static_cast<std::size_t>(id)].contours = edited_.at(id);
+    for (const int id : changed_) {
+      after.glyphs[static_cast<std::size_t>(id)].contours = edited_.at(id);
+      after.glyphs[static_cast<std::size_t>(id)].components.clear();
+    }
     const std::vector<int> has_other_points = dependents(font_, renumbered_);
     for (const int id : dependents(font_, changed_)) {
-      if (!glyph_at(id).is_composite()) continue;
+      if (!glyph_at(id).is_composite() || is_decomposed(id)) continue;
       result_.moved_composites.push_back(id);
       int point_count = 0;
       double low_x = std::numeric_limits<double>::infinity();
@@ -539,40 +535,82 @@ class Writer {
 
   void rebuild_outlines() {
     const sfnt::GlyphData& old = basics_.outlines;
+    const bool is_whole = std::ranges::none_of(is_lost_, [](bool lost) { return lost; });
     std::uint64_t alignment = 4;
-    for (int id = 0; id <= basics_.glyph_count; ++id) {
-      while (old.offset(id) % alignment != 0) alignment /= 2;
-    }
-    const View before = old.glyf.first(old.offset(0));
-    const View behind = old.glyf.subspan(old.offset(basics_.glyph_count));
-    Bytes glyf(before.begin(), before.end());
-    std::vector<std::uint64_t> offsets;
     for (int id = 0; id < basics_.glyph_count; ++id) {
-      offsets.push_back(glyf.size());
-      const View bytes = glyph_bytes(id);
-      glyf.insert(glyf.end(), bytes.begin(), bytes.end());
-      if (new_glyphs_[static_cast<std::size_t>(id)]) glyf.resize((glyf.size() + alignment - 1) / alignment * alignment);
+      if (is_lost_[static_cast<std::size_t>(id)]) continue;
+      while ((old.offset(id) | old.offset(id + 1)) % alignment != 0) alignment /= 2;
     }
-    offsets.push_back(glyf.size());
-    constexpr std::uint64_t short_limit = 2 * 0xFFFF;
-    const bool is_long = old.has_long_offsets || offsets.back() > short_limit;
-    if (offsets.back() > std::numeric_limits<std::uint32_t>::max()) fail("table glyf: more than 4 GiB");
+    Bytes glyf;
+    if (is_whole) {
+      const View before = old.glyf.first(old.offset(0));
+      glyf.assign(before.begin(), before.end());
+    }
+    std::vector<std::optional<std::uint64_t>> offsets(old_glyphs_.size() + 1);
+    for (const auto& [first, last] : runs()) {
+      for (int id = first; id <= last; ++id) {
+        offsets[static_cast<std::size_t>(id)] = glyf.size();
+        const View bytes = glyph_bytes(id);
+        glyf.insert(glyf.end(), bytes.begin(), bytes.end());
+        if (new_glyphs_[static_cast<std::size_t>(id)]) {
+          glyf.resize((glyf.size() + alignment - 1) / alignment * alignment);
+        }
+      }
+      offsets[static_cast<std::size_t>(last) + 1] = glyf.size();
+      if (!is_whole) glyf.resize(glyf.size() + 4);  // so that the run before, which lies behind, begins higher
+    }
+    const std::uint64_t end = glyf.size();
+    const Bytes rest = is_whole ? Bytes() : unclaimed();
+    const View behind = is_whole ? old.glyf.subspan(old.offset(basics_.glyph_count)) : View(rest);
     glyf.insert(glyf.end(), behind.begin(), behind.end());
+    // An offset that no glyph can be read by stays one: past the end.
+    constexpr std::uint64_t short_limit = 2 * 0xFFFF;
+    const bool is_long = old.has_long_offsets || end > short_limit || (!is_whole && glyf.size() >= short_limit);
+    if (glyf.size() > max_font_size) fail(text("table glyf: more than ", max_font_size, " bytes"));
     Bytes loca(offsets.size() * (is_long ? 4 : 2));
     for (std::size_t i = 0; i < offsets.size(); ++i) {
       if (is_long) {
-        put_u32(loca, 4 * i, static_cast<std::uint32_t>(offsets[i]));
+        put_u32(loca, 4 * i, static_cast<std::uint32_t>(offsets[i].value_or(0xFFFFFFFF)));
       } else {
-        put_u16(loca, 2 * i, static_cast<int>(offsets[i] / 2));
+        put_u16(loca, 2 * i, static_cast<int>(offsets[i].value_or(short_limit) / 2));
       }
     }
     if (is_long == old.has_long_offsets) {  // entries beyond the last glyph's
-      const View rest = old.loca.subspan(loca.size());
-      loca.insert(loca.end(), rest.begin(), rest.end());
+      const View more = old.loca.subspan(loca.size());
+      loca.insert(loca.end(), more.begin(), more.end());
     }
     put_u16(rebuilt_[tag("head")], 50, is_long ? 1 : 0);
     rebuilt_[tag("glyf")] = std::move(glyf);
     rebuilt_[tag("loca")] = std::move(loca);
+  }
+
+  /// Glyphs between those that loca gives no bytes, first and last of each run, as they are to lie in the file: the
+  /// last run first. So the offset behind a run is above that before the next, and the glyph between them stays without
+  /// bytes.
+  std::vector<std::pair<int, int>> runs() const {
+    std::vector<std::pair<int, int>> runs;
+    for (int id = basics_.glyph_count - 1; id >= 0; --id) {
+      if (is_lost_[static_cast<std::size_t>(id)]) continue;
+      if (runs.empty() || runs.back().first != id + 1) runs.emplace_back(id, id);
+      runs.back().first = id;
+    }
+    return runs;
+  }
+
+  /// What of the old table is no readable glyph's.
+  Bytes unclaimed() const {
+    std::vector<View> claimed;
+    std::ranges::copy_if(old_glyphs_, std::back_inserter(claimed), [](const View& bytes) { return !bytes.empty(); });
+    std::ranges::sort(claimed, std::less<>(), &View::data);
+    const View glyf = basics_.outlines.glyf;
+    const unsigned char* at = glyf.data();
+    Bytes rest;
+    for (const View bytes : claimed) {
+      if (bytes.data() > at) rest.insert(rest.end(), at, bytes.data());
+      at = std::max(at, bytes.data() + bytes.size());
+    }
+    rest.insert(rest.end(), at, glyf.data() + glyf.size());
+    return rest;
   }
 
   void set_modified() {
@@ -608,7 +646,7 @@ class Writer {
     // Made untrue by any edit of outlines: the signature, and what was derived from hinted widths and heights.
     const std::set<Tag> void_tables{tag("DSIG"), tag("hdmx"), tag("LTSH"), tag("VDMX")};
     std::vector<sfnt::TableRecord> tables;
-    for (const sfnt::TableRecord& table : directory_.tables) {
+    for (const sfnt::TableRecord& table : sfnt::in_file_order(directory_)) {
       const auto rebuilt = rebuilt_.find(table.tag);
       if (void_tables.contains(table.tag)) {
         result_.dropped_tables.push_back(sfnt::tag_name(table.tag));
@@ -617,7 +655,7 @@ class Writer {
       }
     }
     std::sort(result_.dropped_tables.begin(), result_.dropped_tables.end());
-    result_.data = build(tables);
+    result_.data = sfnt::build(directory_.version, tables);
     const sfnt::Directory written = sfnt::read_directory(result_.data, 0);
     for (const sfnt::TableRecord& table : written.tables) {
       if (!std::ranges::equal(table.bytes, directory_.require(table.tag, 0))) {
@@ -625,46 +663,6 @@ class Writer {
       }
     }
     std::sort(result_.changed_tables.begin(), result_.changed_tables.end());
-  }
-
-  /// The file, by HarfBuzz: directory, padding, checksums; the tables lie in the order of the old file.
-  Bytes build(const std::vector<sfnt::TableRecord>& tables) const {
-    hb_face_t* builder = hb_face_builder_create();
-    bool is_complete = true;
-    for (const sfnt::TableRecord& table : tables) {
-      hb_blob_t* blob =
-          hb_blob_create(reinterpret_cast<const char*>(table.bytes.data()), static_cast<unsigned>(table.bytes.size()),
-                         HB_MEMORY_MODE_READONLY, nullptr, nullptr);
-      is_complete = hb_face_builder_add_table(builder, table.tag, blob) && is_complete;
-      hb_blob_destroy(blob);
-    }
-    std::vector<sfnt::TableRecord> placed = directory_.tables;
-    std::stable_sort(placed.begin(), placed.end(), [](const sfnt::TableRecord& a, const sfnt::TableRecord& b) {
-      return a.bytes.data() < b.bytes.data();
-    });
-    std::vector<hb_tag_t> order;
-    for (const sfnt::TableRecord& table : placed) order.push_back(table.tag);
-    order.push_back(HB_TAG_NONE);
-    hb_face_builder_sort_tables(builder, order.data());
-    hb_blob_t* blob = hb_face_reference_blob(builder);
-    unsigned size = 0;
-    const char* data = hb_blob_get_data(blob, &size);
-    Bytes file(data, data + size);
-    hb_blob_destroy(blob);
-    hb_face_destroy(builder);
-    if (!is_complete || file.size() < 12) fail("HarfBuzz could not put the tables together");
-    restore_version(file);
-    return file;
-  }
-
-  /// HarfBuzz writes version 1.0 for all TrueType fonts; an old 'true' stays what it was.
-  void restore_version(Bytes& file) const {
-    const std::uint32_t written = sfnt::u32(file, 0);
-    if (written == directory_.version) return;
-    put_u32(file, 0, directory_.version);
-    const View head = sfnt::read_directory(file, 0).require(tag("head"), 54);
-    const auto adjustment = static_cast<std::uint64_t>(head.data() - file.data()) + 8;
-    put_u32(file, adjustment, sfnt::u32(file, adjustment) - (directory_.version - written));
   }
 
   void warn() {
@@ -696,10 +694,10 @@ class Writer {
       const bool is_changed = std::binary_search(changed_.begin(), changed_.end(), glyph.id);
       const auto& wanted = is_changed ? wanted_outline(glyph.id) : glyph.contours;
       if (!is_same_outline(back.contours, wanted)) fail(glyph.id, "the result reads back with another outline");
+      const std::vector<Component> parts = is_changed ? std::vector<Component>() : glyph.components;
       if (back.name != glyph.name || back.advance != glyph.advance || back.origin != glyph.origin ||
-          back.trouble != glyph.trouble ||
-          !std::equal(back.components.begin(), back.components.end(), glyph.components.begin(), glyph.components.end(),
-                      is_same_part)) {
+          back.trouble.empty() != glyph.trouble.empty() ||
+          !std::equal(back.components.begin(), back.components.end(), parts.begin(), parts.end(), is_same_part)) {
         fail(glyph.id, "the result reads back with another name, advance, origin or components");
       }
     }
@@ -758,11 +756,13 @@ class Writer {
 
   const Font& font_;
   const EditedGlyphs& edited_;
+  const WriteOptions& options_;
   std::vector<int> changed_;
   std::vector<int> renumbered_;  // of those, the ones with another structure
   sfnt::Directory directory_;
   sfnt::Basics basics_;
   std::vector<View> old_glyphs_;
+  std::vector<bool> is_lost_;  // loca gives it no bytes
   std::vector<std::optional<Bytes>> new_glyphs_;
   EditedGlyphs snapped_;  // of CFF: as they are written
   std::map<Tag, Bytes> rebuilt_;
@@ -771,9 +771,9 @@ class Writer {
 
 }  // namespace
 
-WrittenFont write_sfnt(const Font& font, const EditedGlyphs& edited) {
+WrittenFont write_sfnt(const Font& font, const EditedGlyphs& edited, const WriteOptions& options) {
   try {
-    return Writer(font, edited).write();
+    return Writer(font, edited, options).write();
   } catch (const Malformed& error) {
     throw FontWriteError(text(font.path, ": ", error.what()));
   } catch (const FontReadError& error) {

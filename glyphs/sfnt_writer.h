@@ -17,6 +17,7 @@ struct WrittenFont {
                                             ///< composites in which points have other numbers now; sorted
   std::vector<int> dropped_hints;           ///< edited CFF glyphs whose hints are gone; sorted
   std::vector<int> moved_composites;        ///< composites whose box follows an edited component; sorted
+  std::vector<int> decomposed;              ///< edited composites, which are simple glyphs now; sorted
   std::vector<std::string> warnings;        ///< what is kept though it may no longer match, a line each
 };
 
@@ -24,23 +25,32 @@ struct WrittenFont {
 /// in CFF fonts they may have fractions, which are written in steps of 1/65536.
 using EditedGlyphs = std::map<int, std::vector<fontcore::BezierContour>>;
 
-/// The font with the given glyphs' outlines replaced and nothing else changed.
+struct WriteOptions {
+  Composites composites = Composites::Refuse;  ///< what an edited composite means
+  std::vector<int> overlapping;                ///< edited glyphs that are to have the overlap flag; sorted
+};
+
+/// The font with the given glyphs' outlines replaced and nothing else changed; of a collection the one face, as a
+/// single font.
 ///
 /// `glyf` and `loca`, or `CFF `, and `hmtx`, `vmtx`, `head`, `hhea`, `vhea` and `maxp` follow the outlines; every other
 /// table is copied byte for byte. A glyph not edited keeps its bytes; a composite that uses an edited one changes in
-/// its box alone (of CFF, an accented letter put together by `endchar`, in nothing). Overlap flags are kept,
-/// instructions and CFF hints of edited glyphs dropped; where points have other numbers, instructions of composites
-/// too. Left side bearings move with xMin and top side bearings with yMax, so that every outline stays at its origins.
-/// Same input, same bytes: head.modified changes only if SOURCE_DATE_EPOCH is set. With nothing edited the file itself
-/// comes back, bit for bit. The result has been read again and compared before it is returned, charstrings by FreeType
-/// too.
+/// its box alone (of CFF, an accented letter put together by `endchar`, in nothing); one that cannot be read stays one
+/// that cannot be read. Overlap flags are kept, instructions and CFF hints of edited glyphs dropped; where points have
+/// other numbers, instructions of composites too. Left side bearings move with xMin and top side bearings with yMax, so
+/// that every outline stays at its origins; advances never change. Same input, same bytes: head.modified changes only
+/// if SOURCE_DATE_EPOCH is set. With nothing edited the file itself comes back, bit for bit, and of a collection all
+/// tables of the face. The result has been read again and compared before it is returned, charstrings by FreeType too.
 ///
-/// Throws  FontWriteError: not a single TrueType or CFF font (CFF2, collection, variable), a coordinate that is no
-/// whole
-///         number or leaves 16 bits, another number of contours, a cubic in TrueType or a quadratic in CFF, a glyph
-///         drawn through a FontMatrix, other points in a glyph whose points a composite matches by their numbers, a
-///         composite among the edited, a size over the format's limits, a result that does not read back. Names file
-///         and glyph.
-WrittenFont write_sfnt(const Font& font, const EditedGlyphs& edited);
+/// A composite that is edited and may be decomposed becomes a simple glyph of the contours given: those that
+/// `decompose` gives, changed. Where its parts are edited too, it has what it is given and none of their changes. It
+/// has the overlap flag if it had the one of composites, or if a part has it.
+///
+/// Throws  FontWriteError: neither TrueType nor CFF (CFF2), variable, a coordinate that is no whole number or leaves 16
+///         bits, another number of contours, a cubic in TrueType or a quadratic in CFF, a glyph drawn through a
+///         FontMatrix, other points in a glyph whose points a composite matches by their numbers, a composite among the
+///         edited that is not to be decomposed, a size over the format's limits, a result that does not read back.
+///         Names file and glyph.
+WrittenFont write_sfnt(const Font& font, const EditedGlyphs& edited, const WriteOptions& options = {});
 
 }  // namespace glyphs

@@ -65,6 +65,16 @@ TEST_CASE("what a recipe leaves out has the defaults that keep most", "[recipe]"
   CHECK(recipe.keep.zones_auto);
   CHECK(recipe.keep.area == KeepArea::Glyph);
   CHECK(recipe.on_crossing == OnCrossing::Reduce);
+  CHECK(recipe.composites == glyphs::Composites::Refuse);
+}
+
+TEST_CASE("a recipe may let composites be decomposed", "[recipe]") {
+  const auto composites = [](const std::string& what) {
+    return R"({"steps": [], "emit": {"composites": ")" + what + "\"}}";
+  };
+  CHECK(parse_recipe(composites("decompose"), "r.json").composites == glyphs::Composites::Decompose);
+  CHECK(parse_recipe(composites("refuse"), "r.json").composites == glyphs::Composites::Refuse);
+  CHECK(refusal(composites("keep")) == "r.json: emit.composites: \"keep\" is not one of \"refuse\", \"decompose\"");
 }
 
 TEST_CASE("unknown and repeated keys, wrong types and what cannot be honoured are refused by name", "[recipe]") {

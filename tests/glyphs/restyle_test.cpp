@@ -413,6 +413,32 @@ TEST_CASE("a pinned handle lands, or its glyph is refused with the rules that st
   CHECK(refused.contours == glyph.contours);
 }
 
+TEST_CASE("a composite is decomposed and edited if the recipe says so, and named", "[restyle]") {
+  const Font font = load_font(bundled_ttf[0]);
+  const int id = font.find("aacute");
+  REQUIRE(font.glyphs[static_cast<std::size_t>(id)].is_composite());
+  const Recipe recipe = parse_recipe(
+      R"({"glyphs": "aacute,a", "steps": [{"op": "sweep", "glyph": "aacute", "near": [400, 900], "move": [0, 12],
+          "breadth": 400}], "emit": {"composites": "decompose"}})",
+      "r.json");
+  const RestyleResult result = restyle(font, recipe);
+  CHECK(result.refused() == 0);
+  CHECK(result.changed() == 1);
+  CHECK(result.font.decomposed == std::vector{id});
+  const Font after = glyphs::load_font_bytes("after.ttf", result.font.data);
+  const glyphs::Glyph& edited = after.glyphs[static_cast<std::size_t>(id)];
+  CHECK_FALSE(edited.is_composite());
+  CHECK(edited.contours.size() == glyphs::compose(font, id).size());
+  CHECK(edited.advance == font.glyphs[static_cast<std::size_t>(id)].advance);
+  CHECK(after.glyphs[static_cast<std::size_t>(font.find("a"))].contours ==
+        font.glyphs[static_cast<std::size_t>(font.find("a"))].contours);
+  const auto* report = &result.glyphs[0];
+  if (report->glyph != id) ++report;
+  REQUIRE_FALSE(report->notes.empty());
+  CHECK(report->notes[0].starts_with("decomposed: it is a simple glyph now, of the outlines that its parts had: a, "));
+  CHECK(glyphs::report_json(font, result).find("\"decomposed\": [\n    \"aacute\"\n  ]") != std::string::npos);
+}
+
 TEST_CASE("composites are refused with the parts to edit instead", "[restyle]") {
   const Font font = load_font(bundled_ttf[0]);
   Recipe recipe = recipe_of(step_at({300, 300}, {20, 0}, 500));

@@ -311,3 +311,184 @@ TEST_CASE("other points in a glyph whose points a composite matches by number ar
   CHECK(glyphs::matched_in(behind, 2) == 4);
   CHECK(glyphs::matched_in(behind, 3) == -1);
 }
+
+namespace {
+
+/// Two fonts in one file that share the bytes of their outlines.
+Bytes collection_of(const std::map<std::string, Bytes>& first, const std::map<std::string, Bytes>& second) {
+  Bytes file{'t', 't', 'c', 'f', 0, 1, 0, 0, 0, 0, 0, 2};
+  const std::size_t directory = 12 + 16 * first.size();
+  sfnt_bytes::put(file, 20, 4);
+  sfnt_bytes::put(file, static_cast<std::uint32_t>(20 + directory), 4);
+  std::map<Bytes, std::size_t> placed;
+  Bytes body;
+  for (const auto* tables : {&first, &second}) {
+    const Bytes single = font_of(*tables);
+    file.insert(file.end(), single.begin(), single.begin() + 12);
+    for (const auto& [tag, bytes] : *tables) {
+      const auto [found, is_new] = placed.emplace(bytes, body.size());
+      if (is_new) {
+        body.insert(body.end(), bytes.begin(), bytes.end());
+        body.resize((body.size() + 3) / 4 * 4);
+      }
+      file.insert(file.end(), tag.begin(), tag.end());
+      sfnt_bytes::put(file, sfnt_bytes::checksum(bytes), 4);
+      sfnt_bytes::put(file, static_cast<std::uint32_t>(20 + 2 * directory + found->second), 4);
+      sfnt_bytes::put(file, static_cast<std::uint32_t>(bytes.size()), 4);
+    }
+  }
+  file.insert(file.end(), body.begin(), body.end());
+  return file;
+}
+
+Bytes without_adjustment(Bytes head) {
+  std::fill(head.begin() + 8, head.begin() + 12, static_cast<unsigned char>(0));
+  return head;
+}
+
+}  // namespace
+
+TEST_CASE("a face of a collection comes out as a single font with all its tables", "[sfnt_writer]") {
+  auto first = small_font({{}, triangle, rounded});
+  auto second = first;
+  second["name"] = {0, 0, 0, 0, 0, 6};
+  first["name"] = {0, 0, 0, 0, 0, 6, 7, 7};
+  const Bytes file = collection_of(first, second);
+  for (const int face : {0, 1}) {
+    const Font font = glyphs::load_font_bytes("both.ttc", file, {.face = face});
+    REQUIRE(font.is_collection);
+    const auto plain = write_sfnt(font, {});
+    auto wanted = face == 0 ? first : second;
+    auto tables = tables_of(plain.data);
+    tables["head"] = without_adjustment(tables["head"]);
+    CHECK(tables == wanted);
+    CHECK(sfnt_bytes::checksum(plain.data) == 0xB1B0AFBA);
+    CHECK_FALSE(glyphs::load_font_bytes("one.ttf", plain.data).is_collection);
+    const auto edited = write_sfnt(font, {{1, shifted(font, 1, 10, -20)}});
+    CHECK(glyphs::load_font_bytes("one.ttf", edited.data).glyphs[1].contours == shifted(font, 1, 10, -20));
+    CHECK(tables_of(edited.data).at("name") == wanted["name"]);
+    CHECK(sfnt_bytes::checksum(edited.data) == 0xB1B0AFBA);
+  }
+}
+
+TEST_CASE("an edited composite becomes a simple glyph where it may", "[sfnt_writer]") {
+  constexpr int overlap_compound = 0x0400;
+  constexpr int has_instructions = 0x0100;
+  const Bytes plain = simple_glyph({{{0, 0}, {300, 0}, {0, 300}}});
+  Bytes pair = composite({{.glyph = 1, .first = 100}, {.glyph = 2, .matrix = {0.5}, .more_flags = has_instructions}});
+  const Bytes program{0, 1, 0x4F};
+  pair.insert(pair.end(), program.begin(), program.end());
+  const Bytes over = composite({{.glyph = 1, .more_flags = overlap_compound}, {.glyph = 2, .first = 31}});
+  const Bytes user = composite({{.glyph = 3, .first = 7}, {.glyph = 1}});
+  const Font font = load_small({{}, plain, rounded, pair, over, user});
+  const glyphs::WriteOptions decompose{.composites = glyphs::Composites::Decompose};
+
+  auto wanted = glyphs::decompose(font, 3);
+  REQUIRE(wanted.size() == 2);
+  CHECK(wanted[1].point(3) == Point(150, 150));
+  CHECK(write_sfnt(font, {{3, wanted}}, decompose).data == *font.data);  // nothing is edited
+  Points points = wanted[0].points();
+  points.row(0) << 90, -10;
+  wanted[0] = wanted[0].with_points(points);
+  const auto written = write_sfnt(font, {{3, wanted}}, decompose);
+  CHECK(written.decomposed == std::vector{3});
+  CHECK(written.moved_composites == std::vector{5});
+  CHECK(written.dropped_instructions == std::vector{3});
+  const Font read = glyphs::load_font_bytes("again.ttf", written.data);
+  CHECK(read.glyphs[3].contours == wanted);
+  CHECK_FALSE(read.glyphs[3].is_composite());
+  CHECK(read.glyphs[3].advance == font.glyphs[3].advance);
+  CHECK(read.glyphs[3].origin == font.glyphs[3].origin);
+  CHECK(get16(tables_of(written.data).at("hmtx"), 4 * 3 + 2) == get16(glyphs_of(tables_of(written.data)).at(3), 2));
+  CHECK((glyphs_of(tables_of(written.data)).at(3).at(16) & 0x40) == 0);  // after header, two ends and no instructions
+  CHECK(compose(read, 5).at(0).point(0) == Point(97, -10));
+  CHECK(get16(glyphs_of(tables_of(written.data)).at(5), 4) == -10);
+
+  // Its parts say that they overlap, so it does.
+  auto moved_over = glyphs::decompose(font, 4);
+  for (BezierContour& contour : moved_over) contour = transform(contour, {.shift = Point(1, 0)});
+  const auto one = write_sfnt(font, {{4, moved_over}}, decompose);
+  CHECK((glyphs_of(tables_of(one.data)).at(4).at(16) & 0x40) == 0x40);
+
+  // What is edited together with a part has what it is given, not what became of the part.
+  const auto both = write_sfnt(font, {{1, shifted(font, 1, 40, 0)}, {3, wanted}}, decompose);
+  const Font again = glyphs::load_font_bytes("again.ttf", both.data);
+  CHECK(again.glyphs[3].contours == wanted);
+  CHECK(compose(again, 4).at(0).point(0) == Point(40, 0));
+}
+
+TEST_CASE("a decomposed glyph keeps the origin that a part lent it, and matched points", "[sfnt_writer]") {
+  constexpr int use_my_metrics = 0x0200;
+  const Bytes plain = simple_glyph({{{20, 0}, {320, 0}, {20, 300}}});
+  const Bytes lent = composite({{.glyph = 1, .more_flags = use_my_metrics}, {.glyph = 2, .first = -90}});
+  const Bytes matched = composite({{.glyph = 3}, {.glyph = 1, .first = 4, .second = 0, .is_shift = false}});
+  const Font font = load_small({{}, plain, rounded, lent, matched}, 15);
+  REQUIRE(font.glyphs[3].origin == -15);
+  auto wanted = glyphs::decompose(font, 3);
+  for (BezierContour& contour : wanted) contour = transform(contour, {.shift = Point(0, 8)});
+  const auto written = write_sfnt(font, {{3, wanted}}, {.composites = glyphs::Composites::Decompose});
+  const Font read = glyphs::load_font_bytes("again.ttf", written.data);
+  CHECK(read.glyphs[3].origin == -15);
+  CHECK(compose(read, 3) == [&] {
+    auto drawn = compose(font, 3);
+    for (BezierContour& contour : drawn) contour = transform(contour, {.shift = Point(0, 8)});
+    return drawn;
+  }());
+  const auto before = compose(font, 4);
+  const auto after = compose(read, 4);
+  REQUIRE(after.size() == before.size());
+  for (std::size_t c = 0; c < after.size(); ++c) {
+    CHECK(after[c] == transform(before[c], {.shift = Point(0, 8)}));
+  }
+}
+
+TEST_CASE("a glyph that loca gives no bytes stays so, and its neighbours can be edited", "[sfnt_writer]") {
+  const Bytes square = simple_glyph({{{0, 0}, {300, 0}, {300, 300}, {0, 300}}});
+  struct Damage {
+    std::size_t entry;
+    int value;
+    std::vector<int> lost;
+  };
+  const auto tables = small_font({{}, triangle, square, rounded, square, triangle});
+  const int size = static_cast<int>(tables.at("glyf").size());
+  for (const Damage& damage : {Damage{3, 0xFFFE, {2, 3}}, Damage{3, 0, {2}}, Damage{6, 0xFFFF, {5}},
+                               Damage{1, size, {1}}, Damage{5, 2, {4}}}) {
+    auto damaged = tables;
+    sfnt_bytes::set16(damaged["loca"], 2 * damage.entry, damage.value);
+    const Font font = glyphs::load_font_bytes("hurt.ttf", font_of(damaged));
+    const int edited = damage.lost[0] == 1 || damage.lost[0] == 2 ? 4 : 1;
+    CAPTURE(damage.entry, damage.value);
+    for (const int lost : damage.lost) REQUIRE_FALSE(font.glyphs[static_cast<std::size_t>(lost)].trouble.empty());
+    REQUIRE(font.glyphs[static_cast<std::size_t>(edited)].trouble.empty());
+    const auto written = write_sfnt(font, {{edited, shifted(font, edited, 5, 5)}});
+    const Font read = glyphs::load_font_bytes("hurt.ttf", written.data);
+    for (const glyphs::Glyph& glyph : font.glyphs) {
+      const glyphs::Glyph& now = read.glyphs[static_cast<std::size_t>(glyph.id)];
+      CHECK(now.trouble.empty() == glyph.trouble.empty());
+      CHECK(now.contours == (glyph.id == edited ? shifted(font, edited, 5, 5) : glyph.contours));
+    }
+    CHECK(write_sfnt(font, {}).data == *font.data);
+  }
+}
+
+TEST_CASE("a glyph whose bytes are broken keeps them when another is edited", "[sfnt_writer]") {
+  Bytes broken = triangle;
+  broken.resize(13);
+  broken[11] = 40;  // more points than there are bytes
+  const Font font = load_small({{}, triangle, broken, rounded, composite({{.glyph = 2}})});
+  REQUIRE_FALSE(font.glyphs[2].trouble.empty());
+  REQUIRE_FALSE(font.glyphs[4].trouble.empty());
+  const auto written = write_sfnt(font, {{1, shifted(font, 1, 5, 5)}});
+  for (const std::size_t id : {2, 3, 4}) {
+    CHECK(glyphs_of(tables_of(written.data)).at(id) == glyphs_of(tables_of(*font.data)).at(id));
+  }
+}
+
+TEST_CASE("a glyph that overlaps itself now is given the flag that says so", "[sfnt_writer]") {
+  const Font font = load_small({{}, simple_glyph({{{0, 0}, {300, 0}, {0, 300}}})});
+  const auto flag = [&](const glyphs::WriteOptions& options) {
+    return glyphs_of(tables_of(write_sfnt(font, {{1, shifted(font, 1, 5, 5)}}, options).data)).at(1).at(14) & 0x40;
+  };
+  CHECK(flag({}) == 0);
+  CHECK(flag({.overlapping = {1}}) == 0x40);
+}
