@@ -68,7 +68,14 @@ Font load_font_bytes(const std::string& path, Bytes data, const LoadOptions& opt
     container = data[3] == '2' ? Container::Woff2 : Container::Woff;
     data = unpack_web_font(path, data);
   }
-  Font font = load_sfnt(path, std::move(data), options.face);
+  Font font;
+  if (options.location.empty()) {
+    font = load_sfnt(path, std::move(data), options.face);
+  } else {
+    Instance instance = instantiate(path, data, options.face, options.location);
+    font = load_sfnt(path, std::move(instance.data));
+    font.warnings = std::move(instance.warnings);
+  }
   font.container = container;
   return font;
 }

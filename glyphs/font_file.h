@@ -4,6 +4,7 @@
 #include <string>
 
 #include "glyphs/font.h"
+#include "glyphs/variation.h"
 
 namespace glyphs {
 
@@ -16,14 +17,16 @@ Bytes read_file(const std::string& path);
 
 /// Which font of a file is meant.
 struct LoadOptions {
-  int face = 0;  ///< of a collection
+  int face = 0;       ///< of a collection
+  Location location;  ///< of a variable font; empty: its default
 };
 
 /// A font of any kind that is read, as plain values: original points, unscaled and unhinted, composites as components.
 /// A web font becomes the sfnt that it packs before anything else.
-/// A variable font gives its default.
+/// A variable font gives its default, and stays variable; at a location it gives a static font, by `instantiate`.
 ///
-/// Throws  FontReadError, one line naming the file.
+/// Throws  FontReadError, one line naming the file; with a location also for a font that is not variable, and for an
+///         axis or a value that it does not have.
 Font load_font(const std::string& path, const LoadOptions& options = {});
 /// The same from the bytes of a file; `path` is its name.
 Font load_font_bytes(const std::string& path, Bytes data, const LoadOptions& options = {});

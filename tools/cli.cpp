@@ -137,7 +137,7 @@ constexpr std::array<Command, 5> table{{
 
 void add_common_options(CLI::App& app, Options& options) {
   Request& request = options.request;
-  app.add_option("FONT", request.font, "a font file, .ttf or .otf")->required();
+  app.add_option("FONT", request.font, "a font file, .ttf, .otf, .ttc, .woff or .woff2")->required();
   app.add_option("--glyphs", request.glyphs,
                  "names, code points and ranges (U+0041-005A), gid:12, @file; comma separated; repeatable");
   app.add_option("--text", request.text, "the glyphs that setting this text needs");
@@ -150,11 +150,15 @@ void add_common_options(CLI::App& app, Options& options) {
   app.add_flag("--json", request.json, "the result as JSON on standard output");
   app.add_flag("-q,--quiet", request.quiet, "no progress, no summary");
   app.add_flag("--no-progress", options.no_progress, "no progress");
-  app.add_option("--location", options.locations)->group("");
+  app.add_option("--location", options.locations, "where in a variable font to look: wght=650,wdth=80");
 }
 
 Outcome run(const Command& command, Options& options) {
-  if (!options.locations.empty()) refuse("--location");
+  if (options.locations.size() > 1) throw RequestError("--location: one place at a time");
+  if (!options.locations.empty()) {
+    if (options.locations[0].empty()) throw RequestError("--location: names no place; wght=650 would be one");
+    options.request.location = options.locations[0];
+  }
   Progress progress(std::string("glyphwave ") + command.name);
   if (!options.no_progress && !options.request.quiet)
     options.request.jobs.progress = [&](int done, int total) { progress.show(done, total); };

@@ -63,6 +63,13 @@ auto naming(const std::string& file, const Work& work) {
   }
 }
 
+/// The font that is meant.
+Font load(const Request& request) {
+  glyphs::LoadOptions options{.face = request.face};
+  if (!request.location.empty()) options.location = glyphs::parse_location(request.location);
+  return glyphs::load_font(request.font, options);
+}
+
 std::vector<int> selected(const Request& request, const Font& font) {
   return naming(request.font, [&] {
     if (!request.text) return glyphs::select_glyphs(font, join(request.glyphs, ","));
@@ -96,7 +103,7 @@ void check_outputs(const std::vector<std::string>& inputs, const std::vector<std
 }  // namespace
 
 Outcome inspect(const Request& request) {
-  const Font font = glyphs::load_font(request.font, {.face = request.face});
+  const Font font = load(request);
   const auto facts = glyphs::inspect(font, selected(request, font), glyphs::Detail::Models, request.jobs);
   if (request.json) return {glyphs::facts_json(font, facts, glyphs::Detail::Models), "", 0};
 
@@ -128,7 +135,7 @@ Outcome inspect(const Request& request) {
 }
 
 Outcome check(const Request& request) {
-  const Font font = glyphs::load_font(request.font, {.face = request.face});
+  const Font font = load(request);
   const std::vector<glyphs::GlyphCrossings> found =
       glyphs::check_crossings(font, selected(request, font), request.jobs);
   std::size_t crossings = 0;
@@ -150,7 +157,7 @@ Outcome check(const Request& request) {
 
 Outcome measure_area(const Request& request, const std::string& output) {
   check_outputs({request.font}, {output});
-  const Font font = glyphs::load_font(request.font, {.face = request.face});
+  const Font font = load(request);
   const auto facts = glyphs::inspect(font, selected(request, font), glyphs::Detail::Area, request.jobs);
   const std::string json = glyphs::facts_json(font, facts, glyphs::Detail::Area);
   if (!output.empty()) glyphs::write_file(output, json);
@@ -226,7 +233,7 @@ Outcome restyle(const Request& request, const RestyleRequest& restyle) {
   const auto proof_format = restyle.proof.empty() ? glyphs::ProofFormat::Png : glyphs::proof_format(restyle.proof);
 
   const glyphs::Recipe recipe = glyphs::load_recipe(restyle.recipe);
-  const Font font = glyphs::load_font(request.font, {.face = request.face});
+  const Font font = load(request);
   if (font.format != glyphs::OutlineFormat::TrueType && font.format != glyphs::OutlineFormat::Cff)
     throw RequestError(request.font + ": only fonts with TrueType or CFF outlines are restyled in this version");
   const std::string ending = font.format == glyphs::OutlineFormat::Cff ? ".otf" : ".ttf";
@@ -296,7 +303,7 @@ Outcome proof(const Request& request, const ProofRequest& proof) {
   }
   if (request.text && !request.glyphs.empty()) throw RequestError("--glyphs and --text cannot both select");
 
-  const Font font = glyphs::load_font(request.font, {.face = request.face});
+  const Font font = load(request);
   std::optional<Font> against;
   if (!proof.against.empty()) against = glyphs::load_font(proof.against);
   const glyphs::Bytes picture = naming(request.font, [&] {

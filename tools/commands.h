@@ -17,6 +17,7 @@ namespace commands {
 struct Request {
   std::string font;
   int face = 0;
+  std::string location;             ///< of a variable font, as `glyphs::parse_location` reads it; empty: its default
   std::vector<std::string> glyphs;  ///< selections as `glyphs::select_glyphs` reads them; none: all with outlines
   std::optional<std::string> text;  ///< or the glyphs this text needs
   glyphs::ShapingOptions shaping;

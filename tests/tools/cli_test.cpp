@@ -143,7 +143,10 @@ TEST_CASE("what this version does not have yet is refused by name", "[cli]") {
     check_refusal(glyphwave({command, serif, "-o", "x.otf"}), {command, "not in this version"});
   check_refusal(glyphwave({"area", "check", "base.json", serif}), {"area check", "not in this version"});
   check_refusal(glyphwave({"area", "audit", serif}), {"area audit", "not in this version"});
-  check_refusal(glyphwave({"inspect", serif, "--location", "wght=650"}), {"--location", "not in this version"});
+  check_refusal(glyphwave({"inspect", serif, "--location", "wght=650"}), {serif, "is not variable"});
+  check_refusal(glyphwave({"inspect", serif, "--location", "wght=bold"}), {"--location", "is no number"});
+  check_refusal(glyphwave({"inspect", serif, "--location", ""}), {"--location", "names no place"});
+  check_refusal(glyphwave({"inspect", serif, "--location", "wght=1", "--location", "wght=2"}), {"one place at a time"});
   const Folder folder;
   check_refusal(glyphwave({"restyle", "--recipe", "r.json", "--output-dir", folder / "out", serif}),
                 {"restyle --recipe", "not in this version"});

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "glyphs/font.h"
+
+namespace glyphs {
+
+/// A place in the design space of a variable font: axis tag -> value, as a designer gives them. Axes not named are at
+/// their default.
+using Location = std::map<std::string, double>;
+
+/// A place as text: "wght=650,wdth=80".
+/// Throws  RequestError: not of that form, an axis twice, not a number.
+Location parse_location(const std::string& text);
+
+/// A static font, and what it could not take over from the variable one, a line each.
+struct Instance {
+  Bytes data;
+  std::vector<std::string> warnings;
+};
+
+/// A variable TrueType font at one place of its design space, as a static font: what `gvar`, `cvar`, `MVAR` and the
+/// variations of GPOS and GDEF come to there, in whole numbers, rounded half up; features that are substituted there
+/// are so for good.
+///
+/// Advances and bearings come from the phantom points of `gvar`. Instructions stay, with the `cvt ` of the place. The
+/// tables of the variations are gone, all others are copied; OS/2 has the weight and width class of the place, `post`
+/// its slant. `name` and `STAT` stay as they are. What is decoded is checked and budgeted.
+///
+/// Throws  FontReadError, one line naming the file: not variable; an axis that it does not have, or a value outside the
+///         axis (naming the axes there are); CFF2 outlines; tables that contradict each other; a coordinate that leaves
+///         16 bits.
+/// Source  OpenType: fvar, avar, gvar, cvar, MVAR, Font Variations Common Table Formats.
+Instance instantiate(const std::string& path, const Bytes& data, int face_index, const Location& location);
+
+}  // namespace glyphs
