@@ -35,14 +35,12 @@ class Composer {
   std::vector<BezierContour> placed(int id, int depth) {
     const Glyph& glyph = glyph_at(font_, id);
     if (!glyph.trouble.empty()) fail(text(glyph.name == name_ ? "" : "component " + glyph.name + ": ", glyph.trouble));
-    if (!glyph.is_composite()) {
-      for (const BezierContour& contour : glyph.contours) spend_points(contour);
-      return glyph.contours;
-    }
+    for (const BezierContour& contour : glyph.contours) spend_points(contour);
+    if (!glyph.is_composite()) return glyph.contours;
     if (depth == max_component_depth) {
       fail(text("components nest deeper than ", max_component_depth, " or in a cycle, at ", glyph.name));
     }
-    std::vector<BezierContour> all;
+    std::vector<BezierContour> all = glyph.contours;
     for (const Component& part : glyph.components) {
       if (++parts_ > max_composed_points) fail(text("more than ", max_composed_points, " components"));
       if (!is_glyph(font_, part.glyph)) fail(text("component ", part.glyph, " is no glyph of the font"));
@@ -155,6 +153,84 @@ std::vector<int> dependents(const Font& font, const std::vector<int>& glyphs) {
   }
   std::sort(reached.begin(), reached.end());
   return reached;
+}
+
+void check_composites(Font& font) {
+  struct Extent {
+    std::int64_t points = 0;
+    std::int64_t parts = 0;
+    int depth = 0;
+    double reach = 0.0;  // no coordinate is larger
+  };
+  const std::size_t count = font.glyphs.size();
+  const auto index = [](int glyph) { return static_cast<std::size_t>(glyph); };
+  std::vector<Extent> extent(count);
+  std::vector<std::vector<int>> users(count);
+  std::vector<std::size_t> open(count, 0);
+  std::vector<int> ready;
+  const auto refuse = [](Glyph& glyph, const std::string& why) {
+    glyph.trouble = why;
+    glyph.contours.clear();
+    glyph.components.clear();
+    glyph.marks.clear();
+  };
+  for (Glyph& glyph : font.glyphs) {
+    for (const Component& part : glyph.components) {
+      if (part.glyph < 0 || index(part.glyph) >= count) {
+        refuse(glyph, text("component ", part.glyph, " is no glyph of the font, which has ", count));
+        break;
+      }
+    }
+    for (const BezierContour& contour : glyph.contours) {
+      const auto& kinds = contour.kinds();
+      extent[index(glyph.id)].points +=
+          contour.point_count() - std::count(kinds.begin(), kinds.end(), PointKind::ImpliedNode);
+      double& reach = extent[index(glyph.id)].reach;
+      reach = std::max(reach, contour.points().cwiseAbs().maxCoeff());
+    }
+    for (const Component& part : glyph.components) users[index(part.glyph)].push_back(glyph.id);
+    open[index(glyph.id)] = glyph.components.size();
+    if (glyph.components.empty()) ready.push_back(glyph.id);
+  }
+  const auto settle = [&](Glyph& glyph) {
+    Extent& own = extent[index(glyph.id)];
+    for (const Component& part : glyph.components) {
+      const Glyph& child = font.glyphs[index(part.glyph)];
+      const Extent& its = extent[index(part.glyph)];
+      if (!child.trouble.empty()) return refuse(glyph, text("component ", child.name, " cannot be read"));
+      if (part.matched_parent >= 0 && (part.matched_parent >= own.points || part.matched_child >= its.points)) {
+        return refuse(glyph, text("component ", child.name, " matches its point ", part.matched_child, " of ",
+                                  its.points, " to point ", part.matched_parent, " of ", own.points));
+      }
+      const double placed = part.placement.linear.cwiseAbs().rowwise().sum().maxCoeff() * its.reach +
+                            part.placement.shift.cwiseAbs().maxCoeff();
+      own.reach = part.matched_parent >= 0 ? own.reach + 2.0 * placed : std::max(own.reach, placed);
+      if (!(own.reach <= max_coordinate)) {
+        return refuse(glyph, text("component ", child.name, " is placed beyond ", max_coordinate, " units"));
+      }
+      own.points += its.points;
+      own.parts += its.parts + 1;
+      own.depth = std::max(own.depth, its.depth + 1);
+      if (own.depth > max_component_depth) {
+        return refuse(glyph, text("components nest deeper than ", max_component_depth));
+      }
+      if (own.points > max_composed_points) return refuse(glyph, text("more than ", max_composed_points, " points"));
+      if (own.parts > max_composed_points) return refuse(glyph, text("more than ", max_composed_points, " components"));
+    }
+    // The phantom points of a component that lends its metrics carry the origin along.
+    for (const Component& part : glyph.components) {
+      if (part.use_my_metrics) glyph.origin = font.glyphs[index(part.glyph)].origin;
+    }
+  };
+  for (std::size_t i = 0; i < ready.size(); ++i) {
+    settle(font.glyphs[index(ready[i])]);
+    for (const int user : users[index(ready[i])]) {
+      if (--open[index(user)] == 0) ready.push_back(user);
+    }
+  }
+  for (Glyph& glyph : font.glyphs) {
+    if (open[index(glyph.id)] > 0) refuse(glyph, "its components form a cycle, or lead to one");
+  }
 }
 
 int matched_in(const Font& font, int glyph) {

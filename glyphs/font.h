@@ -17,6 +17,7 @@ using Folder = std::map<std::string, Bytes>;
 /// What a composite may come to; beyond it the glyph is in trouble. The same as other readers'.
 inline constexpr int max_component_depth = 32;
 inline constexpr int max_composed_points = 65535;  ///< and as many components
+inline constexpr double max_coordinate = 1e6;      ///< of any point, either way; font units
 
 /// One part of a composite glyph: another glyph, placed.
 ///
@@ -38,13 +39,14 @@ struct ContourMarks {
   std::optional<double> scale;  ///< length below which features go, instead of a smooth step's own; font units
 };
 
-/// A glyph as the font stores it: contours of its own, or components.
+/// A glyph as the font stores it: contours of its own, or components; in a UFO also both.
 struct Glyph {
   int id = 0;
   std::string name;      ///< unique within the font
   double advance = 0.0;  ///< font units
   double origin = 0.0;   ///< x of what the advance counts from: a point is drawn at x - origin; nearly always 0
-  std::vector<fontcore::BezierContour> contours;  ///< the font's own points and their order; empty for a composite
+  std::vector<fontcore::BezierContour>
+      contours;  ///< the font's own points and their order; they come before components
   std::vector<Component> components;
   std::vector<ContourMarks> marks;  ///< one a contour; empty if nothing is marked
   bool has_instructions = false;    ///< of TrueType
@@ -106,6 +108,11 @@ std::vector<fontcore::BezierContour> decompose(const Font& font, int glyph);
 /// Glyph ids whose outline changes when the given glyphs' own contours do: they, and every composite that uses them,
 /// sorted.
 std::vector<int> dependents(const Font& font, const std::vector<int>& glyphs);
+
+/// Finds the composites that cannot be composed, before anything tries, and gives them their `trouble`: a part that is
+/// no glyph of the font or in trouble itself, a cycle, a point match out of range, more than the limits above. Children
+/// come before parents, so that neither depth nor shared parts cost more than one visit of every component.
+void check_composites(Font& font);
 
 /// The first composite that places parts by matching points whose numbers count those of the glyph; -1 if none does. If
 /// the glyph had other points, other ones would be matched.
