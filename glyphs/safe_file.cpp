@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <sys/random.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include <array>
@@ -10,9 +11,12 @@
 #include <cerrno>
 #include <climits>
 #include <csignal>
+#include <cstddef>
 #include <cstdint>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -33,6 +37,37 @@ using fontcore::text;
   throw FontWriteError(text(path, ": cannot be written: ", why));
 }
 [[noreturn]] void fail(const std::string& path, int error) { fail(path, std::generic_category().message(error)); }
+
+// ---- removal
+
+/// Removes a file or a folder with all that is in it, following no links; true if it is gone. Async-signal-safe:
+/// nothing is allocated, and only system calls are made.
+bool remove_tree(int parent, const char* name, int depth = 0) noexcept {
+  if (::unlinkat(parent, name, 0) == 0) return true;
+  constexpr int deepest = 64;
+  const bool is_folder = errno == EISDIR || errno == EPERM;
+  const int folder =
+      is_folder && depth < deepest ? ::openat(parent, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC) : -1;
+  if (folder < 0) return false;
+  // Removing entries may move those not yet listed, so the list is begun again until nothing more goes.
+  for (bool has_removed = true; has_removed && ::lseek(folder, 0, SEEK_SET) == 0;) {
+    has_removed = false;
+    std::array<char, 2048> buffer;
+    for (long got = 0; (got = ::syscall(SYS_getdents64, folder, buffer.data(), buffer.size())) > 0;) {
+      unsigned short length = 0;
+      for (long at = 0; at < got; at += length) {
+        // struct linux_dirent64: inode and offset of 8 bytes each, a length of 2, a type of 1, the name
+        const char* entry = buffer.data() + at;
+        std::memcpy(&length, entry + 16, sizeof length);
+        const char* entry_name = entry + 19;
+        if (std::strcmp(entry_name, ".") == 0 || std::strcmp(entry_name, "..") == 0) continue;
+        has_removed = remove_tree(folder, entry_name, depth + 1) || has_removed;
+      }
+    }
+  }
+  ::close(folder);
+  return ::unlinkat(parent, name, AT_REMOVEDIR) == 0;
+}
 
 // ---- signals
 
@@ -63,7 +98,7 @@ TemporaryName& take_name() {
 extern "C" void glyphwave_remove_temporaries(int signal) {
   const int saved = errno;
   for (TemporaryName* name = temporary_names.load(); name; name = name->next) {
-    if (name->is_live.load()) ::unlink(name->path);
+    if (name->is_live.load()) remove_tree(AT_FDCWD, name->path);
   }
   std::signal(signal, SIG_DFL);
   std::raise(signal);
@@ -172,12 +207,13 @@ struct Target {
   std::string path;        ///< as asked, for messages
   std::string file;        ///< links followed
   bool is_direct = false;  ///< a device, a pipe, or an open descriptor: written in place
+  bool is_folder = false;  ///< a folder is to be there
   std::optional<struct stat> old;
 };
 
 Target find_target(const std::string& path) {
   if (path.empty()) fail("output", "the path is empty");
-  Target target{.path = path, .file = path, .is_direct = false, .old = {}};
+  Target target{.path = path, .file = path};
   struct stat status {};
   if (::stat(path.c_str(), &status) == 0) {
     if (S_ISDIR(status.st_mode)) fail(path, EISDIR);
@@ -194,6 +230,42 @@ Target find_target(const std::string& path) {
   return target;
 }
 
+using CString = std::unique_ptr<char, decltype(&std::free)>;
+CString real_path(const std::string& path) { return {::realpath(path.c_str(), nullptr), &std::free}; }
+
+/// Whether something may give way to a folder: a regular file, or a UFO by its metainfo.plist. Links are neither.
+bool is_replaceable(const std::string& path) {
+  struct stat status {};
+  if (::lstat(path.c_str(), &status) != 0) return false;
+  if (S_ISREG(status.st_mode)) return true;
+  return S_ISDIR(status.st_mode) && ::lstat((path + "/metainfo.plist").c_str(), &status) == 0 &&
+         S_ISREG(status.st_mode);
+}
+constexpr const char* not_a_ufo = "there is a folder that is no UFO (it has no metainfo.plist), which is not replaced";
+
+/// Where a folder is to go; slashes behind its name mean nothing.
+Target find_folder_target(const std::string& path) {
+  std::string name = path;
+  while (name.size() > 1 && name.back() == '/') name.pop_back();
+  if (name.empty()) fail("output", "the path is empty");
+  Target target{.path = path, .file = name, .is_folder = true};
+  struct stat status {};
+  if (::stat(name.c_str(), &status) != 0) {
+    if (errno != ENOENT) fail(path, errno);
+    target.file = follow_links(name);
+    return target;
+  }
+  target.old = status;
+  const CString real = real_path(name);
+  if (!real) fail(path, errno);
+  target.file = real.get();
+  const bool is_device = target.file.starts_with("/dev/") || target.file.starts_with("/proc/");
+  if (is_device || (!S_ISDIR(status.st_mode) && !S_ISREG(status.st_mode))) fail(path, ENOTDIR);
+  if (!is_replaceable(target.file)) fail(path, not_a_ufo);
+  if (::access(name.c_str(), W_OK) != 0) fail(path, errno);
+  return target;
+}
+
 void write_directly(const Target& target, const Bytes& data) {
   Descriptor file(::open(target.path.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC | O_NOCTTY));
   if (file.number() < 0) fail(target.path, errno);
@@ -202,79 +274,226 @@ void write_directly(const Target& target, const Bytes& data) {
   if (const int error = file.close()) fail(target.path, error);
 }
 
-/// A file beside its target, flushed and closed, that goes away unless it is renamed.
-class TemporaryFile {
+/// Gives a new file the owner, where that is allowed, and the mode of an old one. 0, or the error.
+int adopt(int file, const struct stat& old) {
+  mode_t mode = old.st_mode & 07777;
+  if (::fchown(file, old.st_uid, old.st_gid) != 0) mode &= 0777;
+  return ::fchmod(file, mode) != 0 ? errno : 0;
+}
+
+/// A file or a folder beside its target, flushed and closed, that goes away unless it is put in place.
+class Staged {
  public:
-  TemporaryFile(const Target& target, const Bytes& data) : target_(target), name_(take_name()) {
+  Staged(const Target& target, const PendingFile& content) : target_(target), name_(take_name()) {
     try {
-      // A new file gets its mode from the umask; one that replaces an old file is private until it has the old mode.
-      Descriptor file(create(target.old ? 0600 : 0666));
-      if (const int error = write_all(file.number(), data)) fail(target.path, error);
-      if (target.old) {
-        mode_t mode = target.old->st_mode & 07777;
-        if (::fchown(file.number(), target.old->st_uid, target.old->st_gid) != 0) mode &= 0777;
-        if (::fchmod(file.number(), mode) != 0) fail(target.path, errno);
+      if (target.is_folder) {
+        stage(*content.folder);
+      } else {
+        stage(content.data);
       }
-      if (const int error = flush(file.number())) fail(target.path, error);
-      if (const int error = file.close()) fail(target.path, error);
     } catch (...) {
       remove();
       throw;
     }
   }
-  TemporaryFile(const TemporaryFile&) = delete;
-  TemporaryFile& operator=(const TemporaryFile&) = delete;
-  ~TemporaryFile() { remove(); }
+  Staged(const Staged&) = delete;
+  Staged& operator=(const Staged&) = delete;
+  ~Staged() { remove(); }
 
-  void rename() {
+  void put_in_place() {
     // Opened first, so that what can fail fails before the old file is gone. If the folder cannot be flushed, a crash
     // may bring the old file back, whole: that is no reason to say that nothing was written.
     const Descriptor folder(::open(folder_of(target_.file).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-    if (::rename(name_.path, target_.file.c_str()) != 0) fail(target_.path, errno);
-    name_.is_live = false;
+    if (target_.is_folder) {
+      exchange();
+    } else if (::rename(name_.path, target_.file.c_str()) != 0) {
+      fail(target_.path, errno);
+    } else {
+      name_.is_live = false;
+    }
     if (folder.number() >= 0) flush(folder.number());
+    remove();  // of a folder's place what was there before
   }
 
  private:
-  int create(mode_t mode) {
+  /// Finds a name that `make` can make something of; it returns 0 or more, or -1 and the error in errno.
+  template <typename Make>
+  int create(TemporaryName& name, Make make) const {
     const std::string folder = folder_of(target_.file);
     constexpr int attempts = 100;
     for (int i = 0; i < attempts; ++i) {
       std::uint64_t number = 0;
       if (::getrandom(&number, sizeof number, 0) != sizeof number) fail(target_.path, errno);
       const std::string path = text(folder, "/.glyphwave-", std::hex, number, ".tmp");
-      if (path.size() >= sizeof name_.path) fail(target_.path, ENAMETOOLONG);
-      std::memcpy(name_.path, path.c_str(), path.size() + 1);
-      name_.is_live = true;  // before it exists, so that a signal in between cannot leave it behind
-      const int file = ::open(name_.path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOCTTY, mode);
-      if (file >= 0) return file;
-      name_.is_live = false;
+      if (path.size() >= sizeof name.path) fail(target_.path, ENAMETOOLONG);
+      std::memcpy(name.path, path.c_str(), path.size() + 1);
+      name.is_live = true;  // before it exists, so that a signal in between cannot leave it behind
+      const int made = make(name.path);
+      if (made >= 0) return made;
+      name.is_live = false;
       if (errno != EEXIST && errno != EINTR) fail(target_.path, errno);
     }
     fail(target_.path, EEXIST);
   }
 
+  void stage(const Bytes& data) {
+    // A new file gets its mode from the umask; one that replaces an old file is private until it has the old mode.
+    const mode_t mode = target_.old ? 0600 : 0666;
+    Descriptor file(create(name_, [&](const char* path) {
+      return ::open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOCTTY, mode);
+    }));
+    if (const int error = write_all(file.number(), data)) fail(target_.path, error);
+    if (const int error = target_.old ? adopt(file.number(), *target_.old) : 0) fail(target_.path, error);
+    if (const int error = flush(file.number())) fail(target_.path, error);
+    if (const int error = file.close()) fail(target_.path, error);
+  }
+
+  [[noreturn]] void fail_inside(const std::string& inside, int error) const {
+    fail(target_.path, text(inside, ": ", std::generic_category().message(error)));
+  }
+
+  void stage(const Folder& files) {
+    const bool has_old = target_.old && S_ISDIR(target_.old->st_mode);
+    const mode_t mode = has_old ? 0700 : 0777;
+    create(name_, [&](const char* path) { return ::mkdir(path, mode); });
+    constexpr int as_folder = O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC;
+    const Descriptor root(::open(name_.path, as_folder));
+    if (root.number() < 0) fail(target_.path, errno);
+    const Descriptor old(has_old ? ::open(target_.file.c_str(), as_folder) : -1);
+    const auto old_status = [&](const std::string& inside) -> std::optional<struct stat> {
+      struct stat status {};
+      const bool is_there =
+          old.number() >= 0 && ::fstatat(old.number(), inside.c_str(), &status, AT_SYMLINK_NOFOLLOW) == 0;
+      return is_there ? std::optional(status) : std::nullopt;
+    };
+    std::vector<std::string> folders;  // every one after the one it is in
+    std::set<std::string> made;
+    for (const auto& [path, data] : files) {
+      require_inside(path);
+      for (std::size_t slash = path.find('/'); slash != std::string::npos; slash = path.find('/', slash + 1)) {
+        const std::string folder = path.substr(0, slash);
+        if (!made.insert(folder).second) continue;
+        if (::mkdirat(root.number(), folder.c_str(), 0777) != 0) fail_inside(folder, errno);
+        folders.push_back(folder);
+      }
+      if (path.ends_with('/')) continue;
+      Descriptor file(
+          ::openat(root.number(), path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC | O_NOCTTY, 0666));
+      if (file.number() < 0) fail_inside(path, errno);
+      if (const int error = write_all(file.number(), data)) fail_inside(path, error);
+      if (const auto status = old_status(path); status && S_ISREG(status->st_mode)) {
+        if (const int error = adopt(file.number(), *status)) fail_inside(path, error);
+      }
+      if (const int error = file.close()) fail_inside(path, error);
+    }
+    for (auto folder = folders.rbegin(); folder != folders.rend(); ++folder) {
+      const Descriptor opened(::openat(root.number(), folder->c_str(), as_folder));
+      if (opened.number() < 0) fail_inside(*folder, errno);
+      if (const auto status = old_status(*folder); status && S_ISDIR(status->st_mode)) {
+        if (const int error = adopt(opened.number(), *status)) fail_inside(*folder, error);
+      }
+    }
+    if (const int error = has_old ? adopt(root.number(), *target_.old) : 0) fail(target_.path, error);
+    // The file system at once: to flush thousands of small files one by one takes a journal's commit each.
+    if (::syncfs(root.number()) != 0) fail(target_.path, errno);
+    if (const int error = flush(root.number())) fail(target_.path, error);
+  }
+
+  /// Refuses a path that would lead out of the folder.
+  void require_inside(const std::string& path) const {
+    bool is_inside = !path.empty() && path.find('\0') == std::string::npos;
+    for (std::size_t at = 0; is_inside && at < path.size();) {
+      const std::size_t end = std::min(path.find('/', at), path.size());
+      const std::string part = path.substr(at, end - at);
+      is_inside = !part.empty() && part != "." && part != "..";
+      at = end + 1;
+    }
+    if (!is_inside) fail(target_.path, text("\"", path, "\" is no path within it"));
+  }
+
+  /// Puts the staged folder in its place, and what was there in its.
+  void exchange() {
+    const char* place = target_.file.c_str();
+    bool is_taken = target_.old.has_value();
+    constexpr int attempts = 100;  // others may write there, too
+    for (int i = 0; i < attempts; ++i, is_taken = !is_taken) {
+      if (is_taken && !is_replaceable(target_.file) && ::access(place, F_OK) == 0) fail(target_.path, not_a_ufo);
+      if (::renameat2(AT_FDCWD, name_.path, AT_FDCWD, place, is_taken ? RENAME_EXCHANGE : RENAME_NOREPLACE) == 0) {
+        if (!is_taken) {
+          name_.is_live = false;
+        } else if (!is_replaceable(name_.path)) {
+          // Something else was put there meanwhile: back with it.
+          ::renameat2(AT_FDCWD, name_.path, AT_FDCWD, place, RENAME_EXCHANGE);
+          fail(target_.path, not_a_ufo);
+        }
+        return;
+      }
+      if (errno == EINVAL || errno == ENOSYS || errno == ENOTSUP) return rename_aside();
+      if (errno != (is_taken ? ENOENT : EEXIST)) fail(target_.path, errno);
+    }
+    fail(target_.path, EBUSY);
+  }
+
+  /// The same where a file system cannot exchange: for a moment nothing is in the place.
+  void rename_aside() {
+    const char* place = target_.file.c_str();
+    TemporaryName& aside = take_name();
+    const auto release = [&](const char* what) {
+      if (what != nullptr) remove_tree(AT_FDCWD, what);
+      aside.is_live = false;
+      aside.is_taken = false;
+    };
+    bool is_aside = false;
+    try {
+      create(aside, [&](const char* path) {
+        aside.is_live = false;  // a signal must not take the old folder along
+        is_aside = ::rename(place, path) == 0;
+        return is_aside || errno == ENOENT ? 0 : -1;
+      });
+    } catch (...) {
+      release(nullptr);
+      throw;
+    }
+    if (::rename(name_.path, place) != 0) {
+      const int error = errno;
+      if (is_aside) ::rename(aside.path, place);
+      release(nullptr);
+      fail(target_.path, error);
+    }
+    name_.is_live = false;
+    release(is_aside ? aside.path : nullptr);
+  }
+
   void remove() {
-    if (name_.is_live) ::unlink(name_.path);
+    if (is_released_) return;  // the name may be another's by now
+    if (name_.is_live) remove_tree(AT_FDCWD, name_.path);
     name_.is_live = false;
     name_.is_taken = false;
+    is_released_ = true;
   }
 
   const Target& target_;
   TemporaryName& name_;
+  bool is_released_ = false;
 };
 
-/// Refuses two outputs that are one file.
+/// Refuses two outputs that are one file, and one that lies in a folder that is written.
 void require_distinct(const std::vector<Target>& targets) {
-  std::set<std::string> seen;
+  std::map<std::string, const Target*> seen;
   for (const Target& target : targets) {
     if (target.is_direct) continue;
-    const std::string folder = folder_of(target.file);
-    const std::unique_ptr<char, decltype(&std::free)> real(::realpath(folder.c_str(), nullptr), &std::free);
+    const CString real = real_path(folder_of(target.file));
     if (!real) fail(target.path, errno);
     const std::size_t slash = target.file.rfind('/');
     const std::string name = slash == std::string::npos ? target.file : target.file.substr(slash + 1);
-    if (!seen.insert(text(real.get(), "/", name)).second) fail(target.path, "it is written twice");
+    if (!seen.emplace(text(real.get(), "/", name), &target).second) fail(target.path, "it is written twice");
+  }
+  for (const auto& [path, target] : seen) {
+    for (const auto& [folder, holder] : seen) {
+      if (holder->is_folder && path.starts_with(folder + "/")) {
+        fail(target->path, text("it lies in ", holder->path, ", which is written as a whole"));
+      }
+    }
   }
 }
 
@@ -283,17 +502,19 @@ void require_distinct(const std::vector<Target>& targets) {
 void write_files(const std::vector<PendingFile>& files) {
   std::vector<Target> targets;
   targets.reserve(files.size());
-  for (const PendingFile& file : files) targets.push_back(find_target(file.path));
+  for (const PendingFile& file : files) {
+    targets.push_back(file.folder ? find_folder_target(file.path) : find_target(file.path));
+  }
   require_distinct(targets);
   const SignalGuard guard;
-  std::vector<std::unique_ptr<TemporaryFile>> prepared;
+  std::vector<std::unique_ptr<Staged>> prepared;
   for (std::size_t i = 0; i < files.size(); ++i) {
-    if (!targets[i].is_direct) prepared.push_back(std::make_unique<TemporaryFile>(targets[i], files[i].data));
+    if (!targets[i].is_direct) prepared.push_back(std::make_unique<Staged>(targets[i], files[i]));
   }
   for (std::size_t i = 0; i < files.size(); ++i) {
     if (targets[i].is_direct) write_directly(targets[i], files[i].data);
   }
-  for (const auto& file : prepared) file->rename();
+  for (const auto& file : prepared) file->put_in_place();
 }
 
 void write_file(const std::string& path, const Bytes& data) { write_files({{path, data}}); }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "glyphs/font.h"
@@ -19,10 +20,17 @@ void write_file(const std::string& path, const std::string& text);
 /// Several files, all prepared and flushed before the first is renamed, so that a full disk or a missing folder leaves
 /// every old file as it was. Devices and pipes are written after the files are prepared and before they are renamed.
 ///
-/// Throws  FontWriteError; also if two of the paths are one file.
+/// A folder is staged beside its place, flushed, and exchanged for what was there in one step; what was there is then
+/// removed. Only a UFO (a folder with metainfo.plist) or a regular file gives way to a folder: any other folder is
+/// refused, never removed. A link is followed, and the old folder's mode is kept, and of its files those that are
+/// written again. Where the file system cannot exchange, the old folder is put aside for the moment between two
+/// renames.
+///
+/// Throws  FontWriteError; also if two of the paths are one file, or one lies in a folder that is written.
 struct PendingFile {
   std::string path;
   Bytes data;
+  std::optional<Folder> folder = {};  ///< written instead of `data`: the path is to be a folder
 };
 void write_files(const std::vector<PendingFile>& files);
 

@@ -11,6 +11,8 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <map>
+#include <set>
 #include <thread>
 
 #include "glyphs/error.h"
@@ -235,6 +237,140 @@ TEST_CASE("many writers at once leave one whole file", "[safe_file]") {
   for (std::thread& writer : writers) writer.join();
   const std::string written = content(folder / "file");
   CHECK(written == std::string(100'000, written.at(0)));
+  CHECK(folder.count() == 1);
+}
+
+namespace {
+
+const glyphs::Folder small_ufo{{"metainfo.plist", {'m'}}, {"glyphs/a.glif", {'a'}}, {"data/empty/", {}}};
+
+std::set<std::string> tree(const std::string& path) {
+  std::set<std::string> found;
+  for (const auto& entry : fs::recursive_directory_iterator(path)) {
+    found.insert(fs::relative(entry.path(), path).string() +
+                 (entry.is_directory() ? "/" : "=" + content(entry.path())));
+  }
+  return found;
+}
+
+}  // namespace
+
+TEST_CASE("a folder is written whole, in place of an old one or of a file, and nothing is left beside it",
+          "[safe_file]") {
+  const Folder folder;
+  const std::string path = folder / "a.ufo";
+  const std::set<std::string> wanted{"metainfo.plist=m", "glyphs/", "glyphs/a.glif=a", "data/", "data/empty/"};
+  write_files({{path, {}, small_ufo}});
+  CHECK(tree(path) == wanted);
+  write_files({{path + "//", {}, glyphs::Folder{{"metainfo.plist", {'n'}}}}});
+  CHECK(tree(path) == std::set<std::string>{"metainfo.plist=n"});
+  fs::remove_all(path);
+  write_file(path, std::string("a file"));
+  write_files({{path, {}, small_ufo}});
+  CHECK(tree(path) == wanted);
+  CHECK(folder.count() == 1);
+}
+
+TEST_CASE("a folder keeps its mode and those of the files that are written again", "[safe_file]") {
+  const Folder folder;
+  const std::string path = folder / "a.ufo";
+  write_files({{path, {}, small_ufo}});
+  for (const auto& [inside, wanted] :
+       std::map<std::string, unsigned>{{"", 0750}, {"/glyphs", 0710}, {"/glyphs/a.glif", 0640}}) {
+    REQUIRE(::chmod((path + inside).c_str(), wanted) == 0);
+  }
+  write_files({{path, {}, small_ufo}});
+  CHECK(mode(path) == 0750u);
+  CHECK(mode(path + "/glyphs") == 0710u);
+  CHECK(mode(path + "/glyphs/a.glif") == 0640u);
+}
+
+TEST_CASE("a link to a folder is followed, and links within the old one are not", "[safe_file]") {
+  const Folder folder;
+  write_files({{folder / "a.ufo", {}, small_ufo}});
+  fs::create_directory(folder / "other");
+  write_file(folder / "other/precious", std::string("x"));
+  fs::create_directory_symlink("../other", folder / "a.ufo/link");
+  fs::create_directory_symlink("a.ufo", folder / "b.ufo");
+  write_files({{folder / "b.ufo", {}, small_ufo}});
+  CHECK(fs::is_symlink(folder / "b.ufo"));
+  CHECK_FALSE(fs::exists(folder / "a.ufo/link"));
+  CHECK(content(folder / "a.ufo/glyphs/a.glif") == "a");
+  CHECK(content(folder / "other/precious") == "x");
+  CHECK(folder.count() == 3);
+}
+
+TEST_CASE("a folder that is no UFO is not replaced, nor anything when another output fails", "[safe_file]") {
+  const Folder folder;
+  fs::create_directory(folder / "home");
+  write_file(folder / "home/precious", std::string("x"));
+  const auto refused = [&](const std::string& path) {
+    return message_of<FontWriteError>([&] { write_files({{path, {}, small_ufo}}); });
+  };
+  CHECK(refused(folder / "home").find("no metainfo.plist") != std::string::npos);
+  CHECK(refused(folder / "home/..").find("no metainfo.plist") != std::string::npos);
+  CHECK(refused("/").find("no metainfo.plist") != std::string::npos);
+  CHECK(refused("/dev/null") == "/dev/null: cannot be written: Not a directory");
+  CHECK(refused(folder / "none/a.ufo") == folder / "none/a.ufo: cannot be written: No such file or directory");
+  CHECK(refused("") == "output: cannot be written: the path is empty");
+  write_files({{folder / "a.ufo", {}, small_ufo}});
+  const glyphs::Folder other{{"metainfo.plist", {'n'}}};
+  const auto both = [&](const std::string& second) {
+    return message_of<FontWriteError>([&] { write_files({{folder / "a.ufo", {}, other}, {second, {1}}}); });
+  };
+  CHECK_FALSE(both(folder / "none/report").empty());
+  CHECK_FALSE(both("/dev/full").empty());
+  CHECK(both(folder / "a.ufo/report").find("it lies in") != std::string::npos);
+  CHECK(content(folder / "a.ufo/metainfo.plist") == "m");
+  CHECK(content(folder / "home/precious") == "x");
+  CHECK(folder.count() == 2);
+  for (const std::string bad : {"../x", "/x", "a//b", "a/../../x", "", "."}) {
+    CHECK(message_of<FontWriteError>([&] {
+            write_files({{folder / "b.ufo", {}, glyphs::Folder{{bad, {1}}}}});
+          }).find("is no path within it") != std::string::npos);
+  }
+  CHECK(folder.count() == 2);
+  CHECK_FALSE(fs::exists(folder / "x"));
+}
+
+TEST_CASE("a signal that ends the program takes its staged folder along", "[safe_file]") {
+  const Folder folder;
+  write_files({{folder / "a.ufo", {}, small_ufo}});
+  REQUIRE(::mkfifo((folder / "pipe").c_str(), 0600) == 0);
+  const pid_t child = ::fork();
+  if (child == 0) {
+    std::signal(SIGTERM, SIG_DFL);
+    glyphs::Folder large = small_ufo;
+    for (int i = 0; i < 200; ++i) large["glyphs/" + std::string(40, 'g') + std::to_string(i)] = {1};
+    write_files({{folder / "a.ufo", {}, large}, {folder / "pipe", {1}}});
+    ::_exit(0);
+  }
+  for (int i = 0; i < 2000 && folder.count() < 3; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  CHECK(folder.count() == 3);
+  std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  ::kill(child, SIGTERM);
+  int status = 0;
+  ::waitpid(child, &status, 0);
+  CHECK(WIFSIGNALED(status));
+  CHECK(content(folder / "a.ufo/glyphs/a.glif") == "a");
+  CHECK(folder.count() == 2);
+}
+
+TEST_CASE("many writers of one folder leave a whole one", "[safe_file]") {
+  const Folder folder;
+  std::vector<std::thread> writers;
+  for (char c = 'a'; c < 'g'; ++c) {
+    writers.emplace_back([&folder, c] {
+      const Bytes data(1000, static_cast<unsigned char>(c));
+      for (int i = 0; i < 5; ++i) {
+        write_files({{folder / "a.ufo", {}, glyphs::Folder{{"metainfo.plist", data}, {"glyphs/b", data}}}});
+      }
+    });
+  }
+  for (std::thread& writer : writers) writer.join();
+  const std::string written = content(folder / "a.ufo/metainfo.plist");
+  CHECK(written == std::string(1000, written.at(0)));
+  CHECK(content(folder / "a.ufo/glyphs/b") == written);
   CHECK(folder.count() == 1);
 }
 
