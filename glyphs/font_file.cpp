@@ -9,6 +9,7 @@
 
 #include "glyphs/error.h"
 #include "glyphs/freetype_loader.h"
+#include "glyphs/ufo.h"
 #include "glyphs/woff.h"
 
 namespace glyphs {
@@ -59,6 +60,8 @@ Bytes read_file(const std::string& path) {
 }
 
 Font load_font(const std::string& path, const LoadOptions& options) {
+  struct stat status {};
+  if (::stat(path.c_str(), &status) == 0 && S_ISDIR(status.st_mode)) return load_ufo(path);
   return load_font_bytes(path, read_file(path), options);
 }
 

@@ -21,9 +21,9 @@ struct LoadOptions {
   Location location;  ///< of a variable font; empty: its default
 };
 
-/// A font of any kind that is read, as plain values: original points, unscaled and unhinted, composites as components.
-/// A web font becomes the sfnt that it packs before anything else.
-/// A variable font gives its default, and stays variable; at a location it gives a static font, by `instantiate`.
+/// A font of any kind that is read, a folder being a UFO, as plain values: original points, unscaled and unhinted,
+/// composites as components. A web font becomes the sfnt that it packs before anything else. A variable font gives its
+/// default, and stays variable; at a location it gives a static font, by `instantiate`.
 ///
 /// Throws  FontReadError, one line naming the file; with a location also for a font that is not variable, and for an
 ///         axis or a value that it does not have.

@@ -5,7 +5,8 @@ set -euo pipefail
 
 packages=(
   g++ cmake ninja-build pkg-config
-  libfreetype-dev libharfbuzz-dev libcairo2-dev libwoff-dev zlib1g-dev libeigen3-dev libcgal-dev nlohmann-json3-dev libcli11-dev
+  libfreetype-dev libharfbuzz-dev libcairo2-dev libwoff-dev zlib1g-dev libpugixml-dev libeigen3-dev libcgal-dev
+  nlohmann-json3-dev libcli11-dev
   catch2 libbenchmark-dev clang-format opentype-sanitizer
 )
 

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "glyphs/font.h"
+#include "glyphs/sfnt_writer.h"
+
+namespace glyphs {
+
+/// The most that a UFO may hold.
+inline constexpr std::size_t max_folder_size = std::size_t{256} << 20;  ///< bytes of all its files together
+inline constexpr std::size_t max_folder_files = 500'000;
+inline constexpr int max_folder_depth = 32;
+
+/// Our key in the lib of a glyph's object (`public.objectLibs`), by which a point or a contour is marked.
+inline constexpr const char* marks_key = "org.glyphwave.marks";
+
+/// All regular files of a folder, by their paths within it; a folder with nothing in it stands as its path and a slash.
+/// The folder itself may be named by a link; no link in it is followed.
+///
+/// Throws  FontReadError, naming what it is about: not a folder, a link, pipe or device inside, over the limits above.
+Folder read_folder(const std::string& path);
+
+/// A UFO of version 3, 2 or 1 as plain values: the glyphs of its default layer in the order of `public.glyphOrder`,
+/// then the rest by name. Closed contours of two points or more are its outlines; open ones and single points are kept
+/// in the files alone. Marks are those under `marks_key`.
+///
+/// A glyph whose file cannot be read has its `trouble` named; the font is still good. Without a number of units per em
+/// there are 1000, without ascender and descender 0.8 and -0.2 of them.
+///
+/// Throws  FontReadError, one line naming the UFO and the file in it: metainfo, layers, contents, lib or fontinfo
+///         missing or malformed, a version that is not known, names that lead out of the folder, and as `read_folder`.
+Font load_ufo(const std::string& path);
+/// The same from the files of a UFO; `path` is its name.
+Font load_ufo_files(const std::string& path, Folder folder);
+
+/// A UFO ready to be written, and what there is to know about it.
+struct WrittenUfo {
+  Folder folder;
+  std::vector<std::string> changed_files;  ///< other bytes than before; sorted
+  std::vector<int> moved_composites;       ///< composites that are drawn otherwise now; sorted
+  std::vector<std::string> warnings;       ///< what is kept though it may no longer match, or is left out; a line each
+};
+
+/// For every point of an edited contour the index it had in the font's, rising, -1 if it is new: by glyph and contour.
+using PointOrigins = std::map<int, std::vector<std::vector<int>>>;
+
+/// The UFO that the font was read from, with the given glyphs' outlines replaced and nothing else changed.
+///
+/// In an edited glyph's file only the coordinates of moved points change, digit by digit; names, identifiers, flags,
+/// order, layout, comments and all that is not known stay. Where a contour has other points now, those that stayed
+/// keep their elements and new ones are laid out like them; which stayed is told by `origins`, else by their places.
+/// Hints are kept: their id no longer matches the outline, by which they are known as stale. With nothing edited every
+/// file is bit for bit the same. The result has been read again and compared before it is returned.
+///
+/// Throws  FontWriteError: not a UFO, another number of contours, a glyph in trouble or without outline of its own, an
+///         implied node not midway between its handles, a coordinate over `max_coordinate`, a result that does not
+///         read back. Names glyph and file.
+WrittenUfo write_ufo(const Font& font, const EditedGlyphs& edited, const PointOrigins& origins = {});
+
+}  // namespace glyphs
