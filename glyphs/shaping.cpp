@@ -30,11 +30,40 @@ using FontHandle = std::unique_ptr<hb_font_t, Destroy<hb_font_destroy>>;
 using BufferHandle = std::unique_ptr<hb_buffer_t, Destroy<hb_buffer_destroy>>;
 
 FaceHandle open_face(const Font& font) {
+  if (!font.data) return FaceHandle(hb_face_create(hb_blob_get_empty(), 0));
   hb_blob_t* blob = hb_blob_create(reinterpret_cast<const char*>(font.data->data()),
                                    static_cast<unsigned>(font.data->size()), HB_MEMORY_MODE_READONLY, nullptr, nullptr);
   FaceHandle face(hb_face_create(blob, static_cast<unsigned>(font.face_index)));
   hb_blob_destroy(blob);
   return face;
+}
+
+/// The glyph that stands for characters that the font lacks.
+int missing_glyph(const Font& font) {
+  return font.format == OutlineFormat::Ufo ? std::max(0, font.find(".notdef")) : 0;
+}
+
+hb_bool_t nominal_glyph(hb_font_t*, void* font, hb_codepoint_t code, hb_codepoint_t* glyph, void*) {
+  const auto& map = static_cast<const Font*>(font)->character_map;
+  const auto at = map.find(static_cast<char32_t>(code));
+  if (at == map.end()) return 0;
+  *glyph = static_cast<hb_codepoint_t>(at->second);
+  return 1;
+}
+
+hb_position_t advance_of(hb_font_t*, void* font, hb_codepoint_t glyph, void*) {
+  const auto& glyphs = static_cast<const Font*>(font)->glyphs;
+  return glyph < glyphs.size() ? static_cast<hb_position_t>(std::lround(glyphs[glyph].advance)) : 0;
+}
+
+/// A font without tables, by its characters and advances.
+void set_functions(hb_font_t* sized, const Font& font) {
+  using Functions = std::unique_ptr<hb_font_funcs_t, Destroy<hb_font_funcs_destroy>>;
+  const Functions functions(hb_font_funcs_create());
+  hb_font_funcs_set_nominal_glyph_func(functions.get(), nominal_glyph, nullptr, nullptr);
+  hb_font_funcs_set_glyph_h_advance_func(functions.get(), advance_of, nullptr, nullptr);
+  // The functions only read it; HarfBuzz hands them a pointer to what it takes as its own.
+  hb_font_set_funcs(sized, functions.get(), const_cast<Font*>(&font), nullptr);
 }
 
 /// The code points of UTF-8 text; HarfBuzz itself would put replacement characters for what is malformed.
@@ -143,8 +172,10 @@ ShapedLine shape(const Font& font, const std::string& text, const ShapingOptions
   const std::vector<hb_feature_t> features = parse_features(face.get(), options.features);
   const FontHandle sized(hb_font_create(face.get()));
   hb_font_set_scale(sized.get(), font.units_per_em, font.units_per_em);
+  if (!font.data) set_functions(sized.get(), font);
 
   const BufferHandle buffer(hb_buffer_create());
+  hb_buffer_set_not_found_glyph(buffer.get(), static_cast<hb_codepoint_t>(missing_glyph(font)));
   static_assert(sizeof(char32_t) == sizeof(std::uint32_t));
   hb_buffer_add_utf32(buffer.get(), reinterpret_cast<const std::uint32_t*>(points.data()),
                       static_cast<int>(points.size()), 0, static_cast<int>(points.size()));
@@ -181,7 +212,7 @@ std::vector<int> glyphs_of_text(const Font& font, const std::string& text, const
     if (line.empty()) continue;
     const ShapedLine shaped = shape(font, line, options);
     for (const PlacedGlyph& placed : shaped.glyphs) found.insert(placed.glyph);
-    if (found.count(0) == 0) continue;
+    if (found.count(missing_glyph(font)) == 0) continue;
     for (const char32_t point : decode(line))
       if (font.character_map.count(point) == 0) {
         std::array<char, 16> name{};

@@ -25,7 +25,8 @@ struct ShapedLine {
   double advance = 0.0;             ///< how far the line runs, font units; not negative
 };
 
-/// Sets one line of UTF-8 text by HarfBuzz. Characters that the font lacks give its glyph 0.
+/// Sets one line of UTF-8 text by HarfBuzz. Characters that the font lacks give its glyph 0, in a UFO its .notdef. A
+/// UFO, whose features are source, is set by its characters and advances alone.
 ///
 /// Throws  RequestError if the text is empty or not UTF-8, on an unknown script or direction, a malformed language, or
 ///         a feature that is malformed or switched on though the font has none of that name.

@@ -60,4 +60,14 @@ using PointOrigins = std::map<int, std::vector<std::vector<int>>>;
 ///         read back. Names glyph and file.
 WrittenUfo write_ufo(const Font& font, const EditedGlyphs& edited, const PointOrigins& origins = {});
 
+/// A UFO 3 made from the tables of a TTF or an OTF: outlines, metrics, names, characters, order and font info.
+///
+/// Quadratics become qcurves with implied points left out, cubics curves; points and their order are the font's own, a
+/// node is smooth where its tangents agree to rounding. Components keep their matrices; matched points become offsets.
+/// What a UFO would hold as source (layout, kerning, hints, colour) is not taken out of its tables: the warnings name
+/// them. A glyph in trouble is named and comes out empty. Same font, same bytes.
+///
+/// Throws  FontWriteError if the font was not read from an sfnt, or has no units per em or glyphs.
+WrittenUfo build_ufo(const Font& font);
+
 }  // namespace glyphs

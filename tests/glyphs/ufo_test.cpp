@@ -573,3 +573,73 @@ TEST_CASE("links, pipes and what else is no file in a UFO are refused by name an
   CHECK(message_of<FontReadError>([&] { glyphs::load_ufo(folder / "none.ufo"); }) ==
         folder / "none.ufo: cannot be read: No such file or directory");
 }
+
+TEST_CASE("a bundled font made a UFO has the same outlines, metrics, names and characters, single points aside",
+          "[ufo]") {
+  for (const std::string& path : bundled_fonts()) {
+    INFO(path);
+    const Font font = glyphs::load_font(path);
+    const WrittenUfo built = glyphs::build_ufo(font);
+    CHECK(glyphs::build_ufo(font).folder == built.folder);
+    const Font ufo = load_ufo_files("built.ufo", built.folder);
+    CHECK(ufo.units_per_em == font.units_per_em);
+    CHECK(ufo.ascender == font.ascender);
+    CHECK(ufo.descender == font.descender);
+    CHECK(ufo.family == font.family);
+    CHECK(ufo.style == font.style);
+    CHECK(ufo.character_map == font.character_map);
+    REQUIRE(ufo.glyphs.size() == font.glyphs.size());
+    int different = 0;
+    for (const Glyph& glyph : font.glyphs) {
+      const Glyph& back = ufo.glyphs[static_cast<std::size_t>(glyph.id)];
+      CHECK(back.name == glyph.name);
+      CHECK(back.advance == glyph.advance);
+      CHECK(back.trouble.empty());
+      CHECK(back.components.size() == glyph.components.size());
+      auto wanted = glyphs::compose(font, glyph.id);
+      std::erase_if(wanted, [](const BezierContour& contour) { return contour.point_count() == 1; });
+      const auto got = glyphs::compose(ufo, glyph.id);
+      bool is_same = wanted.size() == got.size();
+      for (std::size_t c = 0; is_same && c < wanted.size(); ++c) {
+        is_same =
+            wanted[c].kinds() == got[c].kinds() && (wanted[c].points() - got[c].points()).cwiseAbs().maxCoeff() < 1e-6;
+      }
+      if (!is_same) ++different;
+    }
+    CHECK(different == 0);
+  }
+}
+
+TEST_CASE("no two glyph files differ in case alone, and none is a device", "[ufo]") {
+  Font font = glyphs::load_font(bundled_ttf[0]);
+  font.glyphs.resize(8);
+  const std::vector<std::string> names{"A", "a", "A_", "a_", ".notdef", "con", "x.Nul.y", std::string(300, 'L')};
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    font.glyphs[i].name = names[i];
+    font.glyphs[i].components.clear();
+  }
+  font.character_map.clear();
+  const Folder folder = glyphs::build_ufo(font).folder;
+  for (const std::string file : {"A_", "a", "A__", "a_000000000000001", "_notdef", "_con", "x.N_ul.y"}) {
+    CHECK(folder.count("glyphs/" + file + ".glif") == 1);
+  }
+  CHECK(std::all_of(folder.begin(), folder.end(), [](const auto& entry) { return entry.first.size() <= 255 + 7; }));
+}
+
+TEST_CASE("text is set from a UFO by its characters and advances", "[ufo]") {
+  const Font font = made_font();
+  const glyphs::ShapedLine line = glyphs::shape(font, "ii");
+  REQUIRE(line.glyphs.size() == 2);
+  CHECK(line.glyphs[1].glyph == font.find("i"));
+  CHECK(line.advance == 602);  // twice 300.5, in whole units each
+  CHECK(glyphs::glyphs_of_text(font, "i") == std::vector<int>{font.find("i")});
+  CHECK(message_of<glyphs::RequestError>([&] { glyphs::glyphs_of_text(font, "ix"); }) ==
+        "text: the font has no U+0078");
+}
+
+TEST_CASE("the tables a UFO has no place for are named", "[ufo]") {
+  const WrittenUfo built = glyphs::build_ufo(glyphs::load_font(bundled_otf[0]));
+  CHECK(std::any_of(built.warnings.begin(), built.warnings.end(), [](const std::string& warning) {
+    return warning.starts_with("tables that the UFO has nothing of: ") && warning.find("GPOS") != std::string::npos;
+  }));
+}
