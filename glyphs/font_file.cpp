@@ -1,10 +1,13 @@
 #include "glyphs/font_file.h"
 
+#include <dirent.h>
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
+#include <cstdint>
 #include <system_error>
 
 #include "glyphs/error.h"
@@ -32,6 +35,119 @@ struct Descriptor {
   }
 };
 
+/// The bytes of an open file, or why there are none.
+struct Content {
+  Bytes data;
+  int error = 0;
+  bool is_too_large = false;
+};
+
+Content read_all(int file, std::uintmax_t expected, std::size_t most) {
+  Content content;
+  content.is_too_large = expected > most;
+  if (content.is_too_large) return content;
+  Bytes& data = content.data;
+  data.resize(static_cast<std::size_t>(expected) + 1);  // one more, to see the end
+  std::size_t size = 0;
+  for (;;) {
+    if (size == data.size()) data.resize(2 * data.size());
+    const ssize_t got = ::read(file, data.data() + size, data.size() - size);
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) content.error = errno;
+    if (got <= 0) break;
+    size += static_cast<std::size_t>(got);
+    content.is_too_large = size > most;
+    if (content.is_too_large) break;
+  }
+  data.resize(size);
+  return content;
+}
+
+/// Reads a folder through open descriptors, so that nothing that is renamed meanwhile can lead out of it.
+class FolderReader {
+ public:
+  explicit FolderReader(const std::string& path) : path_(path) {}
+
+  Folder read() {
+    const Descriptor root(::open(path_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+    if (root.number < 0) refuse("", errno);
+    read_into(root.number, "", 0);
+    return std::move(folder_);
+  }
+
+ private:
+  [[noreturn]] void refuse(const std::string& inside, const std::string& why) const {
+    // A path in a folder may be long, so it is shown whole; what would break the line is not.
+    std::string name = inside;
+    for (char& c : name) c = (c >= 0 && c < ' ') || c == 0x7F ? '?' : c;
+    throw FontReadError(text(path_, ": ", name.empty() ? "" : name + ": ", why));
+  }
+  [[noreturn]] void refuse(const std::string& inside, int error) const {
+    refuse(inside, "cannot be read: " + std::generic_category().message(error));
+  }
+
+  /// Sorted, so that the first thing to be refused is always the same.
+  std::vector<std::string> names_in(int folder, const std::string& prefix) const {
+    std::vector<std::string> names;
+    const int copy = ::fcntl(folder, F_DUPFD_CLOEXEC, 3);
+    DIR* stream = copy < 0 ? nullptr : ::fdopendir(copy);
+    if (stream == nullptr) {
+      const int error = errno;
+      if (copy >= 0) ::close(copy);
+      refuse(prefix, error);
+    }
+    errno = 0;
+    while (const dirent* entry = ::readdir(stream)) {
+      const std::string name = entry->d_name;
+      if (name != "." && name != "..") names.push_back(name);
+      if (names.size() > max_folder_files) break;
+    }
+    const int error = errno;
+    ::closedir(stream);
+    if (error != 0) refuse(prefix, error);
+    std::sort(names.begin(), names.end());
+    return names;
+  }
+
+  void read_into(int folder, const std::string& prefix, int depth) {
+    const std::vector<std::string> names = names_in(folder, prefix);
+    if (names.empty() && !prefix.empty()) folder_[prefix];
+    for (const std::string& name : names) {
+      const std::string inside = prefix + name;
+      struct stat status {};
+      if (++files_ > max_folder_files) refuse("", text("has more than ", max_folder_files, " files"));
+      if (::fstatat(folder, name.c_str(), &status, AT_SYMLINK_NOFOLLOW) != 0) refuse(inside, errno);
+      if (S_ISLNK(status.st_mode)) refuse(inside, "is a link, which is not followed");
+      if (!S_ISDIR(status.st_mode) && !S_ISREG(status.st_mode)) refuse(inside, "is neither a file nor a folder");
+      const bool is_folder = S_ISDIR(status.st_mode);
+      const Descriptor file(
+          ::openat(folder, name.c_str(),
+                   O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC | O_NOCTTY | (is_folder ? O_DIRECTORY : 0)));
+      if (file.number < 0 || ::fstat(file.number, &status) != 0) refuse(inside, errno);
+      if (is_folder) {
+        if (depth == max_folder_depth) refuse(inside, text("folders nest deeper than ", max_folder_depth));
+        read_into(file.number, inside + "/", depth + 1);
+      } else {
+        if (!S_ISREG(status.st_mode)) refuse(inside, "is neither a file nor a folder");
+        read_file(file.number, inside, static_cast<std::uintmax_t>(status.st_size));
+      }
+    }
+  }
+
+  void read_file(int file, const std::string& inside, std::uintmax_t expected) {
+    Content content = read_all(file, expected, max_folder_size - size_);
+    if (content.is_too_large) refuse("", text("has more than ", max_folder_size, " bytes in its files"));
+    if (content.error != 0) refuse(inside, content.error);
+    size_ += content.data.size();
+    folder_[inside] = std::move(content.data);
+  }
+
+  const std::string& path_;
+  Folder folder_;
+  std::size_t size_ = 0;
+  std::size_t files_ = 0;
+};
+
 }  // namespace
 
 Bytes read_file(const std::string& path) {
@@ -42,26 +158,22 @@ Bytes read_file(const std::string& path) {
   if (::fstat(file.number, &status) != 0) refuse_file(path, errno);
   if (S_ISDIR(status.st_mode)) throw FontReadError(text(path, ": is a folder"));
   if (!S_ISREG(status.st_mode)) throw FontReadError(text(path, ": is not a regular file"));
-  const auto too_large = [&] { return FontReadError(text(path, ": is larger than ", max_font_size, " bytes")); };
-  if (static_cast<std::uintmax_t>(status.st_size) > max_font_size) throw too_large();
-  Bytes data(static_cast<std::size_t>(status.st_size) + 1);  // one more, to see the end
-  std::size_t size = 0;
-  for (;;) {
-    if (size == data.size()) data.resize(2 * data.size());
-    const ssize_t got = ::read(file.number, data.data() + size, data.size() - size);
-    if (got < 0 && errno == EINTR) continue;
-    if (got < 0) refuse_file(path, errno);
-    if (got == 0) break;
-    size += static_cast<std::size_t>(got);
-    if (size > max_font_size) throw too_large();
-  }
-  data.resize(size);
-  return data;
+  Content content = read_all(file.number, static_cast<std::uintmax_t>(status.st_size), max_font_size);
+  if (content.is_too_large) throw FontReadError(text(path, ": is larger than ", max_font_size, " bytes"));
+  if (content.error != 0) refuse_file(path, content.error);
+  return std::move(content.data);
 }
+
+Folder read_folder(const std::string& path) { return FolderReader(path).read(); }
 
 Font load_font(const std::string& path, const LoadOptions& options) {
   struct stat status {};
-  if (::stat(path.c_str(), &status) == 0 && S_ISDIR(status.st_mode)) return load_ufo(path);
+  if (::stat(path.c_str(), &status) == 0 && S_ISDIR(status.st_mode)) {
+    // Before all files of some other folder are read.
+    const bool is_ufo = ::stat((path + "/metainfo.plist").c_str(), &status) == 0 || errno != ENOENT;
+    if (!is_ufo) throw FontReadError(text(path, ": is a folder without metainfo.plist, so it is no UFO"));
+    return load_ufo(path, read_folder(path));
+  }
   return load_font_bytes(path, read_file(path), options);
 }
 

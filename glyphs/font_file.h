@@ -15,6 +15,17 @@ inline constexpr std::size_t max_font_size = std::size_t{256} << 20;
 /// Throws  FontReadError if it cannot be read: missing, a folder, not a regular file, over `max_font_size`.
 Bytes read_file(const std::string& path);
 
+/// The most that a folder may hold that is read.
+inline constexpr std::size_t max_folder_size = std::size_t{256} << 20;  ///< bytes of all its files together
+inline constexpr std::size_t max_folder_files = 500'000;
+inline constexpr int max_folder_depth = 32;
+
+/// All regular files of a folder, by their paths within it; a folder with nothing in it stands as its path and a slash.
+/// The folder itself may be named by a link; no link in it is followed.
+///
+/// Throws  FontReadError, naming what it is about: not a folder, a link, pipe or device inside, over the limits above.
+Folder read_folder(const std::string& path);
+
 /// Which font of a file is meant.
 struct LoadOptions {
   int face = 0;       ///< of a collection

@@ -1,18 +1,11 @@
 #include "glyphs/ufo.h"
 
-#include <dirent.h>
-#include <fcntl.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
 #include <cstdint>
 #include <memory>
 #include <optional>
 #include <set>
-#include <system_error>
 
 #include "glyphs/error.h"
 #include "glyphs/glif.h"
@@ -28,119 +21,6 @@ using fontcore::PointKind;
 using fontcore::text;
 using xml::Malformed;
 using xml::shown;
-
-// ---- folders
-
-class Descriptor {
- public:
-  explicit Descriptor(int opened) : number_(opened) {}
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-  ~Descriptor() {
-    if (number_ >= 0) ::close(number_);
-  }
-  int number() const { return number_; }
-
- private:
-  int number_;
-};
-
-/// Reads a folder through open descriptors, so that nothing that is renamed meanwhile can lead out of it.
-class FolderReader {
- public:
-  explicit FolderReader(const std::string& path) : path_(path) {}
-
-  Folder read() {
-    const Descriptor root(::open(path_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-    if (root.number() < 0) refuse("", errno);
-    read_into(root.number(), "", 0);
-    return std::move(folder_);
-  }
-
- private:
-  [[noreturn]] void refuse(const std::string& inside, const std::string& why) const {
-    // A path in a folder may be long, so it is shown whole; what would break the line is not.
-    std::string name = inside;
-    for (char& c : name) c = (c >= 0 && c < ' ') || c == 0x7F ? '?' : c;
-    throw FontReadError(text(path_, ": ", name.empty() ? "" : name + ": ", why));
-  }
-  [[noreturn]] void refuse(const std::string& inside, int error) const {
-    refuse(inside, "cannot be read: " + std::generic_category().message(error));
-  }
-
-  static std::vector<std::string> names_in(int folder, int& error) {
-    std::vector<std::string> names;
-    const int copy = ::fcntl(folder, F_DUPFD_CLOEXEC, 3);
-    DIR* stream = copy < 0 ? nullptr : ::fdopendir(copy);
-    if (stream == nullptr) {
-      error = errno;
-      if (copy >= 0) ::close(copy);
-      return names;
-    }
-    errno = 0;
-    while (const dirent* entry = ::readdir(stream)) {
-      const std::string name = entry->d_name;
-      if (name != "." && name != "..") names.push_back(name);
-      if (names.size() > max_folder_files) break;
-    }
-    error = errno;
-    ::closedir(stream);
-    return names;
-  }
-
-  void read_into(int folder, const std::string& prefix, int depth) {
-    int error = 0;
-    const std::vector<std::string> names = names_in(folder, error);
-    if (error != 0) refuse(prefix, error);
-    if (names.empty() && !prefix.empty()) folder_[prefix];
-    for (const std::string& name : names) {
-      const std::string inside = prefix + name;
-      struct stat status {};
-      if (++files_ > max_folder_files) refuse("", text("has more than ", max_folder_files, " files"));
-      if (::fstatat(folder, name.c_str(), &status, AT_SYMLINK_NOFOLLOW) != 0) refuse(inside, errno);
-      if (S_ISLNK(status.st_mode)) refuse(inside, "is a link, which is not followed");
-      if (!S_ISDIR(status.st_mode) && !S_ISREG(status.st_mode)) refuse(inside, "is neither a file nor a folder");
-      const bool is_folder = S_ISDIR(status.st_mode);
-      const Descriptor file(
-          ::openat(folder, name.c_str(),
-                   O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC | O_NOCTTY | (is_folder ? O_DIRECTORY : 0)));
-      if (file.number() < 0 || ::fstat(file.number(), &status) != 0) refuse(inside, errno);
-      if (is_folder) {
-        if (depth == max_folder_depth) refuse(inside, text("folders nest deeper than ", max_folder_depth));
-        read_into(file.number(), inside + "/", depth + 1);
-      } else {
-        if (!S_ISREG(status.st_mode)) refuse(inside, "is neither a file nor a folder");
-        read_file(file.number(), inside, static_cast<std::uintmax_t>(status.st_size));
-      }
-    }
-  }
-
-  void read_file(int file, const std::string& inside, std::uintmax_t expected) {
-    const std::size_t room = max_folder_size - size_;
-    const auto too_large = [&] { refuse("", text("has more than ", max_folder_size, " bytes in its files")); };
-    if (expected > room) too_large();
-    Bytes data(static_cast<std::size_t>(expected) + 1);  // one more, to see the end
-    std::size_t size = 0;
-    for (;;) {
-      if (size == data.size()) data.resize(2 * data.size());
-      const ssize_t got = ::read(file, data.data() + size, data.size() - size);
-      if (got < 0 && errno == EINTR) continue;
-      if (got < 0) refuse(inside, errno);
-      if (got == 0) break;
-      size += static_cast<std::size_t>(got);
-      if (size > room) too_large();
-    }
-    data.resize(size);
-    data.shrink_to_fit();
-    size_ += size;
-    folder_[inside] = std::move(data);
-  }
-
-  const std::string& path_;
-  Folder folder_;
-  std::size_t size_ = 0;
-  std::size_t files_ = 0;
-};
 
 // ---- the font
 
@@ -659,11 +539,7 @@ class Writer {
 
 }  // namespace
 
-Folder read_folder(const std::string& path) { return FolderReader(path).read(); }
-
-Font load_ufo(const std::string& path) { return load_ufo_files(path, read_folder(path)); }
-
-Font load_ufo_files(const std::string& path, Folder folder) {
+Font load_ufo(const std::string& path, Folder folder) {
   Font font;
   font.path = path;
   font.format = OutlineFormat::Ufo;

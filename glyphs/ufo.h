@@ -9,32 +9,19 @@
 
 namespace glyphs {
 
-/// The most that a UFO may hold.
-inline constexpr std::size_t max_folder_size = std::size_t{256} << 20;  ///< bytes of all its files together
-inline constexpr std::size_t max_folder_files = 500'000;
-inline constexpr int max_folder_depth = 32;
-
 /// Our key in the lib of a glyph's object (`public.objectLibs`), by which a point or a contour is marked.
 inline constexpr const char* marks_key = "org.glyphwave.marks";
 
-/// All regular files of a folder, by their paths within it; a folder with nothing in it stands as its path and a slash.
-/// The folder itself may be named by a link; no link in it is followed.
-///
-/// Throws  FontReadError, naming what it is about: not a folder, a link, pipe or device inside, over the limits above.
-Folder read_folder(const std::string& path);
-
-/// A UFO of version 3, 2 or 1 as plain values: the glyphs of its default layer in the order of `public.glyphOrder`,
-/// then the rest by name. Closed contours of two points or more are its outlines; open ones and single points are kept
-/// in the files alone. Marks are those under `marks_key`.
+/// The files of a UFO of version 3, 2 or 1 as plain values: the glyphs of its default layer in the order of
+/// `public.glyphOrder`, then the rest by name. Closed contours of two points or more are its outlines; open ones and
+/// single points are kept in the files alone. Marks are those under `marks_key`.
 ///
 /// A glyph whose file cannot be read has its `trouble` named; the font is still good. Without a number of units per em
 /// there are 1000, without ascender and descender 0.8 and -0.2 of them.
 ///
 /// Throws  FontReadError, one line naming the UFO and the file in it: metainfo, layers, contents, lib or fontinfo
-///         missing or malformed, a version that is not known, names that lead out of the folder, and as `read_folder`.
-Font load_ufo(const std::string& path);
-/// The same from the files of a UFO; `path` is its name.
-Font load_ufo_files(const std::string& path, Folder folder);
+///         missing or malformed, a version that is not known, names that lead out of the folder.
+Font load_ufo(const std::string& path, Folder folder);
 
 /// A UFO ready to be written, and what there is to know about it.
 struct WrittenUfo {

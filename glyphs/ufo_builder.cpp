@@ -171,22 +171,6 @@ struct NameRecord {
 
 std::string from_utf16(View bytes) {
   std::string out;
-  const auto put = [&](std::uint32_t code) {
-    const auto byte = [&](std::uint32_t value) { out += static_cast<char>(value); };
-    if (code < 0x80) return byte(code);
-    if (code < 0x800) {
-      byte(0xC0 | code >> 6);
-    } else {
-      if (code < 0x10000) {
-        byte(0xE0 | code >> 12);
-      } else {
-        byte(0xF0 | code >> 18);
-        byte(0x80 | (code >> 12 & 0x3F));
-      }
-      byte(0x80 | (code >> 6 & 0x3F));
-    }
-    byte(0x80 | (code & 0x3F));
-  };
   for (std::uint64_t at = 0; at + 2 <= bytes.size(); at += 2) {
     std::uint32_t code = sfnt::u16(bytes, at);
     const bool is_high = code >= 0xD800 && code < 0xDC00;
@@ -197,7 +181,7 @@ std::string from_utf16(View bytes) {
         at += 2;
       }
     }
-    put(code >= 0xD800 && code < 0xE000 ? 0xFFFD : code);
+    xml::append_utf8(out, code >= 0xD800 && code < 0xE000 ? 0xFFFD : code);
   }
   return out;
 }

@@ -2,6 +2,7 @@
 
 // Private to the UFO reader and writer: XML checked before a library sees it, and property lists.
 
+#include <cstdint>
 #include <pugixml.hpp>
 #include <span>
 #include <stdexcept>
@@ -43,6 +44,8 @@ class Document {
   pugi::xml_document document_;
 };
 
+/// Adds a code point, which must be one.
+void append_utf8(std::string& out, std::uint32_t code);
 /// A raw text with its references replaced.
 std::string decode(std::string_view raw);
 /// Text as it may stand in an element or between double quotes; what XML cannot hold is left out.

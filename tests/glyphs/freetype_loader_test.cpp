@@ -268,7 +268,8 @@ TEST_CASE("what is no font is refused in one line that names the file", "[freety
 
   CHECK(message_of<FontReadError>([] { load_font("/no/such/font.ttf"); }) ==
         "/no/such/font.ttf: cannot be read: No such file or directory");
-  CHECK(message_of<FontReadError>([] { load_font("/tmp"); }) == "/tmp: is a folder");
+  CHECK(message_of<FontReadError>([] { load_font("/tmp"); }) ==
+        "/tmp: is a folder without metainfo.plist, so it is no UFO");
   CHECK(message_of<FontReadError>([] { load_font("/dev/null"); }) == "/dev/null: is not a regular file");
   const std::string path = bundled_font(liberation);
   CHECK(message_of<FontReadError>([&] { load_font(path, {.face = 1}); }) == path + ": has 1 faces; there is no face 1");

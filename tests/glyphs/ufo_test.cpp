@@ -29,7 +29,7 @@ using glyphs::Font;
 using glyphs::FontReadError;
 using glyphs::FontWriteError;
 using glyphs::Glyph;
-using glyphs::load_ufo_files;
+using glyphs::load_ufo;
 using glyphs::OutlineFormat;
 using glyphs::write_ufo;
 using glyphs::WrittenUfo;
@@ -130,7 +130,7 @@ Folder made_ufo() {
   return ufo;
 }
 
-Font made_font() { return load_ufo_files("made.ufo", made_ufo()); }
+Font made_font() { return load_ufo("made.ufo", made_ufo()); }
 
 const Glyph& glyph_of(const Font& font, const std::string& name) {
   return font.glyphs.at(static_cast<std::size_t>(font.find(name)));
@@ -161,7 +161,7 @@ std::vector<std::string> changed_lines(const std::string& before, const std::str
 std::string refusal(const std::string& file, const std::string& content) {
   Folder ufo = made_ufo();
   ufo[file] = bytes_of(content);
-  const std::string message = message_of<FontReadError>([&] { load_ufo_files("made.ufo", ufo); });
+  const std::string message = message_of<FontReadError>([&] { load_ufo("made.ufo", ufo); });
   CHECK(message.find('\n') == std::string::npos);
   return message;
 }
@@ -169,7 +169,7 @@ std::string refusal(const std::string& file, const std::string& content) {
 std::string trouble(const std::string& content) {
   Folder ufo = made_ufo();
   ufo["glyphs/box.glif"] = bytes_of(content);
-  const Font font = load_ufo_files("made.ufo", ufo);
+  const Font font = load_ufo("made.ufo", ufo);
   const Glyph& glyph = glyph_of(font, "box");
   CHECK(glyph.contours.empty());
   CHECK(glyph.trouble.find('\n') == std::string::npos);
@@ -262,7 +262,7 @@ TEST_CASE("a moved point changes its own digits and nothing else in the UFO", "[
   CHECK(changed_lines(letter_i, text_of(written.folder, "glyphs/i.glif")) ==
         std::vector<std::string>{"\t\t\t<point y='0' type=\"line\" x=\"90.25\" name=\"first\" identifier=\"p1\"/>",
                                  "\t\t\t<point x=\"200.50\" y=\"-7\" type=\"curve\" smooth=\"no\"></point>"});
-  CHECK(load_ufo_files("again", written.folder).glyphs[static_cast<std::size_t>(id)].contours == contours);
+  CHECK(load_ufo("again", written.folder).glyphs[static_cast<std::size_t>(id)].contours == contours);
   CHECK(written.warnings == std::vector<std::string>{"anchors: kept where they were in i"});
 }
 
@@ -289,14 +289,14 @@ TEST_CASE("a softened corner gives way to new points, the others keep their elem
       <point x="0" y="700" type="line" identifier="d"/>
     </contour>
 )"));
-  const Font font = load_ufo_files("made.ufo", ufo);
+  const Font font = load_ufo("made.ufo", ufo);
   const int id = font.find("box");
   const BezierContour& box = glyph_of(font, "box").contours[0];
   const auto soft =
       fontcore::soften(box, {.radius = 50, .corners = std::vector<int>{1}, .arcs = fontcore::ArcKind::Cubic});
   const auto written = write_ufo(font, {{id, {soft.contour}}});
   const std::string content = text_of(written.folder, "glyphs/box.glif");
-  CHECK(load_ufo_files("again", written.folder).glyphs[static_cast<std::size_t>(id)].contours[0] == soft.contour);
+  CHECK(load_ufo("again", written.folder).glyphs[static_cast<std::size_t>(id)].contours[0] == soft.contour);
   INFO(content);
   CHECK(content.find("<contour identifier=\"c\">\n      <point x=\"0\" y=\"0\" type=\"line\" name=\"a\"/>\n"
                      "      <point x=\"350\" y=\"0\" type=\"line\" smooth=\"yes\"/>\n      <point x=\"377.") !=
@@ -310,11 +310,11 @@ TEST_CASE("a softened corner gives way to new points, the others keep their elem
   // With everything moved as well, only their origins tell which points are which.
   const BezierContour far = transform(soft.contour, {.shift = Point(7, 9)});
   const auto told = write_ufo(font, {{id, {far}}}, {{id, {soft.came_from}}});
-  CHECK(load_ufo_files("again", told.folder).glyphs[static_cast<std::size_t>(id)].contours[0] == far);
+  CHECK(load_ufo("again", told.folder).glyphs[static_cast<std::size_t>(id)].contours[0] == far);
   CHECK(text_of(told.folder, "glyphs/box.glif").find("<point x=\"7\" y=\"709\" type=\"line\" identifier=\"d\"/>") !=
         std::string::npos);
   const auto untold = write_ufo(font, {{id, {far}}});
-  CHECK(load_ufo_files("again", untold.folder).glyphs[static_cast<std::size_t>(id)].contours[0] == far);
+  CHECK(load_ufo("again", untold.folder).glyphs[static_cast<std::size_t>(id)].contours[0] == far);
 }
 
 TEST_CASE("quadratics with other points are written so that the same come back", "[ufo]") {
@@ -323,10 +323,10 @@ TEST_CASE("quadratics with other points are written so that the same come back",
   const BezierContour& box = glyph_of(font, "box").contours[0];
   const auto soft = fontcore::soften(box, {.radius = 40, .arcs = fontcore::ArcKind::Quadratic});
   const auto written = write_ufo(font, {{id, {soft.contour}}});
-  const Font again = load_ufo_files("again", written.folder);
+  const Font again = load_ufo("again", written.folder);
   CHECK(again.glyphs[static_cast<std::size_t>(id)].contours[0].kinds() == soft.contour.kinds());
   const BezierContour back_to_box = write_ufo(again, {{id, {box}}}).folder.empty() ? box : box;
-  CHECK(load_ufo_files("back", write_ufo(again, {{id, {back_to_box}}}).folder)
+  CHECK(load_ufo("back", write_ufo(again, {{id, {back_to_box}}}).folder)
             .glyphs[static_cast<std::size_t>(id)]
             .contours[0] == box);
 }
@@ -354,7 +354,7 @@ TEST_CASE("hints of an edited glyph are kept and named as stale", "[ufo]") {
   const std::string lib =
       "<dict><key>public.postscript.hints</key><dict><key>id</key><string>w400x</string></dict></dict>";
   ufo["glyphs/box.glif"] = bytes_of(glif("box", box_outline, lib));
-  const Font font = load_ufo_files("made.ufo", ufo);
+  const Font font = load_ufo("made.ufo", ufo);
   const auto written = write_ufo(font, {{font.find("box"), moved(glyph_of(font, "box").contours, {1, 0})}});
   CHECK(text_of(written.folder, "glyphs/box.glif").find(lib) != std::string::npos);
   CHECK(written.warnings == std::vector<std::string>{"public.postscript.hints: kept, though the outline is another one "
@@ -383,7 +383,7 @@ TEST_CASE("marks of points and contours are read by their identifiers", "[ufo]")
   Folder ufo = made_ufo();
   const auto marks = [&](const std::string& entries) {
     ufo["glyphs/box.glif"] = bytes_of(glif("box", outline, lib(entries)));
-    return glyph_of(load_ufo_files("made.ufo", ufo), "box");
+    return glyph_of(load_ufo("made.ufo", ufo), "box");
   };
   const Glyph marked = marks(
       mark("p1", "<key>corner</key><true/>") + mark("p2", "<key>freeze</key><true/><key>corner</key><true/>") +
@@ -470,7 +470,7 @@ TEST_CASE("what contradicts the whole is refused with the file's name", "[ufo]")
   const auto missing = [](const std::string& file) {
     Folder ufo = made_ufo();
     ufo.erase(file);
-    return message_of<FontReadError>([&] { load_ufo_files("made.ufo", ufo); });
+    return message_of<FontReadError>([&] { load_ufo("made.ufo", ufo); });
   };
   CHECK(missing("metainfo.plist") == "made.ufo: metainfo.plist: is missing");
   CHECK(missing("layercontents.plist") == "made.ufo: layercontents.plist: is missing");
@@ -525,7 +525,7 @@ TEST_CASE("a UFO of version 2 is read, and without font info there are usual val
   ufo["metainfo.plist"] = bytes_of(plist("<dict><key>formatVersion</key><integer>2</integer></dict>"));
   ufo.erase("layercontents.plist");
   ufo.erase("fontinfo.plist");
-  const Font font = load_ufo_files("made.ufo", ufo);
+  const Font font = load_ufo("made.ufo", ufo);
   CHECK(font.glyphs.size() == 4);
   CHECK(font.units_per_em == 1000);
   CHECK(font.ascender == 800);
@@ -553,7 +553,7 @@ TEST_CASE("links, pipes and what else is no file in a UFO are refused by name an
   glyphs::write_files({{folder / "a.ufo", {}, made_ufo()}});
   const std::string path = folder / "a.ufo";
   const auto refused = [&] {
-    const std::string message = message_of<FontReadError>([&] { glyphs::load_ufo(path); });
+    const std::string message = message_of<FontReadError>([&] { glyphs::load_font(path); });
     CHECK(message.starts_with(path + ": "));
     return message.substr(std::min(message.size(), path.size() + 2));
   };
@@ -570,7 +570,9 @@ TEST_CASE("links, pipes and what else is no file in a UFO are refused by name an
   for (int i = 0; i < 40; ++i) deep += "/d";
   fs::create_directories(deep);
   CHECK(refused().ends_with(": folders nest deeper than 32"));
-  CHECK(message_of<FontReadError>([&] { glyphs::load_ufo(folder / "none.ufo"); }) ==
+  CHECK(message_of<FontReadError>([&] { glyphs::load_font(path + "/glyphs"); }) ==
+        path + "/glyphs: is a folder without metainfo.plist, so it is no UFO");
+  CHECK(message_of<FontReadError>([&] { glyphs::read_folder(folder / "none.ufo"); }) ==
         folder / "none.ufo: cannot be read: No such file or directory");
 }
 
@@ -581,7 +583,7 @@ TEST_CASE("a bundled font made a UFO has the same outlines, metrics, names and c
     const Font font = glyphs::load_font(path);
     const WrittenUfo built = glyphs::build_ufo(font);
     CHECK(glyphs::build_ufo(font).folder == built.folder);
-    const Font ufo = load_ufo_files("built.ufo", built.folder);
+    const Font ufo = load_ufo("built.ufo", built.folder);
     CHECK(ufo.units_per_em == font.units_per_em);
     CHECK(ufo.ascender == font.ascender);
     CHECK(ufo.descender == font.descender);
