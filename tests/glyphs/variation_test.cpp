@@ -233,7 +233,7 @@ TEST_CASE("a feature that stands for another at a place is that one in the insta
   Bytes gpos = tables["GPOS"];
   const int shift = 4;
   Bytes header = words({1, 1});
-  for (const std::size_t offset : {4, 6, 8}) put16(header, get16(gpos, offset) + shift);
+  for (std::size_t offset = 4; offset <= 8; offset += 2) put16(header, get16(gpos, offset) + shift);
   put(header, static_cast<std::uint32_t>(gpos.size() + shift), 4);
   Bytes variations = words({1, 0, 0, 1});
   put(variations, 16, 4);
