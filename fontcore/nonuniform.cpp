@@ -365,7 +365,8 @@ double KnotVector::knot(Index i) const {
 
 int KnotVector::multiplicity(double t) const {
   if (std::isnan(t)) return 0;
-  return static_cast<int>(std::ranges::equal_range(knots_, t).size());
+  const auto [first, last] = std::equal_range(knots_.begin(), knots_.end(), t);  // clang 14 cannot read std::ranges'
+  return static_cast<int>(last - first);
 }
 
 KnotVector open_knots(int degree, std::vector<double> knots) {
