@@ -159,6 +159,7 @@ void check_composites(Font& font) {
   struct Extent {
     std::int64_t points = 0;
     std::int64_t parts = 0;
+    std::int64_t work = 0;  // points and components placed at every level, and points counted off
     int depth = 0;
     double reach = 0.0;  // no coordinate is larger
   };
@@ -192,6 +193,7 @@ void check_composites(Font& font) {
     open[index(glyph.id)] = glyph.components.size();
     if (glyph.components.empty()) ready.push_back(glyph.id);
   }
+  std::int64_t work = 0;  // of all composites
   const auto settle = [&](Glyph& glyph) {
     Extent& own = extent[index(glyph.id)];
     for (const Component& part : glyph.components) {
@@ -210,6 +212,8 @@ void check_composites(Font& font) {
       }
       own.points += its.points;
       own.parts += its.parts + 1;
+      own.work += its.work + its.points + 1;
+      if (part.matched_parent >= 0) own.work += part.matched_parent + part.matched_child;  // counted off to be found
       own.depth = std::max(own.depth, its.depth + 1);
       if (own.depth > max_component_depth) {
         return refuse(glyph, text("components nest deeper than ", max_component_depth));
@@ -217,6 +221,10 @@ void check_composites(Font& font) {
       if (own.points > max_composed_points) return refuse(glyph, text("more than ", max_composed_points, " points"));
       if (own.parts > max_composed_points) return refuse(glyph, text("more than ", max_composed_points, " components"));
     }
+    if (work + own.work > max_composed_work) {
+      return refuse(glyph, text("the font's composites place more than ", max_composed_work, " points"));
+    }
+    work += own.work;
     // The phantom points of a component that lends its metrics carry the origin along.
     for (const Component& part : glyph.components) {
       if (part.use_my_metrics) glyph.origin = font.glyphs[index(part.glyph)].origin;

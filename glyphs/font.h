@@ -18,6 +18,10 @@ using Folder = std::map<std::string, Bytes>;
 inline constexpr int max_component_depth = 32;
 inline constexpr int max_composed_points = 65535;  ///< and as many components
 inline constexpr double max_coordinate = 1e6;      ///< of any point, either way; font units
+/// What all composites of a font may come to, together: every point and component once for every level that it is
+/// placed through, and points counted off to be matched. More than the largest fonts made of components have, and
+/// composed in about a second.
+inline constexpr int max_composed_work = 1 << 23;
 
 /// One part of a composite glyph: another glyph, placed.
 ///

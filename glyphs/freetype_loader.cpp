@@ -386,6 +386,7 @@ class Loader {
       try {
         if (font_.format == OutlineFormat::TrueType) read_truetype(glyph);
         if (is_cff2) read_cff2(glyph, *harfbuzz);
+        spend_points(glyph);
       } catch (const Malformed& error) {
         refuse(glyph, error.what());
       } catch (const fontcore::InvalidInput& error) {
@@ -398,6 +399,15 @@ class Loader {
     glyph.trouble = why;
     glyph.contours.clear();
     glyph.components.clear();
+  }
+
+  /// Drawn points take a byte or more; repeated flags, glyphs at one place of the file and subroutines can give any
+  /// number for none.
+  void spend_points(const Glyph& glyph) {
+    for (const BezierContour& contour : glyph.contours) points_ += contour.point_count();
+    const auto most = std::min<std::int64_t>(
+        most_points, points_per_byte * static_cast<std::int64_t>(font_.data->size()) + max_composed_points);
+    if (points_ > most) throw Malformed(text("the font's outlines come to more than ", most, " points"));
   }
 
   FT_GlyphSlot load_slot(const Glyph& glyph, int extra_flags) {
@@ -451,7 +461,11 @@ class Loader {
   sfnt::View cff_;
   Library library_;
   Face face_;
+  static constexpr std::int64_t most_points = 1 << 24;  // 65,535 glyphs of 256: 400 MiB
+  static constexpr std::int64_t points_per_byte = 4;
+
   int slow_glyphs_ = 0;
+  std::int64_t points_ = 0;  // of all glyphs so far
 };
 
 }  // namespace
