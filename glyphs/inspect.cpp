@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <array>
+#include <functional>
 #include <nlohmann/json.hpp>
+#include <numeric>
 
 #include "fontcore/measure.h"
 #include "fontcore/outline_curve.h"
@@ -15,9 +17,11 @@ namespace {
 using fontcore::BezierContour;
 using Json = nlohmann::ordered_json;
 
-/// Contours of one glyph that are modelled: more than any drawn glyph has, few enough for a composite made to exhaust
-/// us.
-constexpr std::size_t most_models = 2048;
+// What looking into contours may cost, in points; modelling takes 5 to 30 microseconds for each.
+constexpr std::int64_t contour_cost = 64;        // of any contour, beside its points: no model has fewer control points
+constexpr std::int64_t glyph_budget = 1024;      // ten contours of 40 points
+constexpr std::int64_t stored_budget = 4;        // of a job, for every point that its glyphs store, and
+constexpr std::int64_t shared_budget = 131'072;  // in any case, for what glyphs need beyond their own
 
 /// Names in broken fonts need not be UTF-8.
 std::string line_of(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
@@ -71,17 +75,38 @@ std::string place(const fontcore::Point& where) { return fontcore::text("(", whe
 std::vector<GlyphFacts> inspect(const Font& font, const std::vector<int>& glyphs, Detail detail,
                                 const JobOptions& options) {
   std::vector<GlyphFacts> all(glyphs.size());
+  std::vector<std::int64_t> owed(glyphs.size(), 0);  // what the glyph would cost beyond its own budget
+  const auto cost = [](const BezierContour& contour) { return contour_cost + contour.point_count(); };
+  const auto look_into = [&](GlyphFacts& facts, const std::vector<BezierContour>& contours, std::int64_t budget) {
+    std::size_t next = facts.contours.size();
+    for (; next < contours.size() && cost(contours[next]) <= budget; ++next) {
+      budget -= cost(contours[next]);
+      facts.contours.push_back(facts_of(contours[next], detail, font.units_per_em));
+    }
+    facts.left_out = static_cast<int>(contours.size() - next);
+    return std::transform_reduce(contours.begin() + static_cast<std::ptrdiff_t>(next), contours.end(), std::int64_t{0},
+                                 std::plus<>(), cost);
+  };
   run_jobs(static_cast<int>(glyphs.size()), options, [&](int i) {
     const auto at = static_cast<std::size_t>(i);
-    GlyphFacts& facts = all[at];
-    const std::vector<BezierContour> contours = outline_for(font, glyphs[at], facts);
-    facts.area = fontcore::signed_area(contours);
-    for (const BezierContour& contour : contours) {
-      const bool in_budget = facts.contours.size() < most_models;
-      facts.contours.push_back(facts_of(contour, in_budget ? detail : Detail::Area, font.units_per_em));
-      if (!in_budget)
-        facts.contours.back().no_model = fontcore::text("beyond the first ", most_models, " contours of the glyph");
-    }
+    const std::vector<BezierContour> contours = outline_for(font, glyphs[at], all[at]);
+    all[at].area = fontcore::signed_area(contours);
+    owed[at] = look_into(all[at], contours, glyph_budget);
+  });
+
+  std::int64_t shared = shared_budget;
+  for (const int glyph : glyphs) {
+    for (const BezierContour& contour : glyph_of(font, glyph).contours) shared += stored_budget * contour.point_count();
+  }
+  std::vector<std::pair<std::size_t, std::int64_t>> granted;
+  for (std::size_t at = 0; at < owed.size() && shared > 0; ++at) {
+    if (owed[at] == 0) continue;
+    granted.emplace_back(at, std::min(owed[at], shared));
+    shared -= granted.back().second;
+  }
+  run_jobs(static_cast<int>(granted.size()), {.jobs = options.jobs}, [&](int i) {
+    const auto [at, budget] = granted[static_cast<std::size_t>(i)];
+    look_into(all[at], compose(font, glyphs[at]), budget);
   });
   return all;
 }
@@ -110,6 +135,7 @@ std::string facts_json(const Font& font, const std::vector<GlyphFacts>& facts, D
         }
         json["contours"].push_back(std::move(one));
       }
+      if (glyph.left_out > 0) json["contoursLeftOut"] = glyph.left_out;
     }
     text += separator + line_of(json);
     separator = ",\n";

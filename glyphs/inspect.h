@@ -29,11 +29,17 @@ struct GlyphFacts {
   std::string trouble;  ///< why the outline could not be read or composed; empty if it could
   double area = 0.0;    ///< exact signed area of all contours, square font units
   std::vector<ContourFacts> contours;
+  int left_out = 0;  ///< contours that follow, not looked into one by one: the job's work budget was spent
 };
+
 /// How much is asked: areas are cheap, models are not.
 enum class Detail { Area, Models };
 
 /// The facts of the given glyphs, in their order; the same for every number of threads.
+///
+/// Every glyph may cost what a rich drawn one does. What a glyph costs beyond that comes out of a budget that the whole
+/// job shares, first come, first served; what is left then is counted in `GlyphFacts::left_out`. Areas are always of
+/// all contours.
 std::vector<GlyphFacts> inspect(const Font& font, const std::vector<int>& glyphs, Detail detail,
                                 const JobOptions& options = {});
 

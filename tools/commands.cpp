@@ -117,7 +117,8 @@ Outcome inspect(const Request& request) {
       out += glyph.trouble + "\n";
       continue;
     }
-    out += text(count(glyph.contours.size(), "contour"), ", area ", exact(glyph.area), "\n");
+    const auto left_out = static_cast<std::size_t>(glyph.left_out);
+    out += text(count(glyph.contours.size() + left_out, "contour"), ", area ", exact(glyph.area), "\n");
     for (std::size_t i = 0; i < glyph.contours.size(); ++i) {
       const glyphs::ContourFacts& contour = glyph.contours[i];
       out += text("  contour ", i, ": ", count(static_cast<std::size_t>(contour.points), "point"), ", ",
@@ -130,6 +131,7 @@ Outcome inspect(const Request& request) {
       else
         out += "no model: " + contour.no_model + "\n";
     }
+    if (left_out > 0) out += text("  ", count(left_out, "more contour"), ": left out, beyond the budget for one job\n");
   }
   return {std::move(out), "", 0};
 }
