@@ -266,6 +266,8 @@ Json parse_json(const std::string& json) {
   } catch (const nlohmann::json::parse_error& error) {
     const auto upto = json.begin() + static_cast<std::ptrdiff_t>(std::min(error.byte, json.size()));
     throw RequestError(text("not JSON: error near line ", 1 + std::count(json.begin(), upto, '\n')));
+  } catch (const nlohmann::json::out_of_range&) {
+    throw RequestError("not JSON: a number that no double can hold");
   }
 }
 
