@@ -18,10 +18,10 @@ using fontcore::BezierContour;
 using Json = nlohmann::ordered_json;
 
 // What looking into contours may cost, in points; modelling takes 5 to 30 microseconds for each.
-constexpr std::int64_t contour_cost = 64;        // of any contour, beside its points: no model has fewer control points
-constexpr std::int64_t glyph_budget = 1024;      // ten contours of 40 points
-constexpr std::int64_t stored_budget = 4;        // of a job, for every point that its glyphs store, and
-constexpr std::int64_t shared_budget = 131'072;  // in any case, for what glyphs need beyond their own
+constexpr std::int64_t contour_cost = 64;       // of any contour, beside its points: no model has fewer control points
+constexpr std::int64_t glyph_budget = 1024;     // ten contours of 40 points
+constexpr std::int64_t stored_budget = 4;       // of a job, for every point that its glyphs store, and
+constexpr std::int64_t shared_budget = 65'536;  // in any case, for what glyphs need beyond their own
 
 /// Names in broken fonts need not be UTF-8.
 std::string line_of(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
