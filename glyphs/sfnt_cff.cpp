@@ -347,6 +347,18 @@ std::vector<int> CffTable::standard_glyphs() const {
   return glyphs;
 }
 
+namespace {
+
+/// Steps, and what memory the outline takes: without it 300 million steps could draw as many points.
+std::int64_t cost(const Charstring& charstring) {
+  constexpr std::int64_t steps_per_point = 16;
+  std::int64_t points = 0;
+  for (const fontcore::BezierContour& contour : charstring.contours) points += contour.point_count();
+  return charstring.work + steps_per_point * points;
+}
+
+}  // namespace
+
 void read_cff_outlines(Font& font, const CffTable& table) {
   // Work is counted up to the first glyph not yet read: a glyph is left unread only where those before it have spent
   // all, whatever the threads do; the last count, in order, decides.
@@ -368,7 +380,7 @@ void read_cff_outlines(Font& font, const CffTable& table) {
     for (int id = s * share; id < std::min(count, (s + 1) * share) && work <= most_font_work; ++id) {
       Charstring& its = read[static_cast<std::size_t>(id)];
       its = table.read(id);
-      work += its.work;
+      work += cost(its);
     }
     const std::lock_guard lock(mutex);
     spent[static_cast<std::size_t>(s)] = work;
@@ -394,7 +406,7 @@ void read_cff_outlines(Font& font, const CffTable& table) {
       glyph.trouble = "not read: charstrings before it take too much work";
       continue;
     }
-    total += its.work;
+    total += cost(its);
     glyph.trouble = its.trouble;
     glyph.has_hints = its.has_hints;
     glyph.contours = std::move(its.contours);

@@ -27,8 +27,8 @@ struct CffIndex {
 // ---- charstrings
 
 /// Steps that one charstring, and all of a font together, may take: operands and operators, those of subroutines each
-/// time they are called. Fifty times what the largest glyphs and fonts in use need; subroutines that call each other
-/// reach any number.
+/// time they are called; beside them every point that is drawn counts as 16 of the font's. Fifty times what the largest
+/// glyphs and fonts in use need; subroutines that call each other reach any number.
 inline constexpr std::int64_t most_charstring_work = 1'000'000;
 inline constexpr std::int64_t most_font_work = 300'000'000;
 
