@@ -1,8 +1,11 @@
 #pragma once
 
+#include <charconv>
+#include <concepts>
 #include <sstream>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 
 namespace fontcore {
 
@@ -26,12 +29,30 @@ struct WorkLimitExceeded : Error {
   using Error::Error;
 };
 
+/// Adds a fact to a text as a stream would write it. Numbers and strings take no stream: rows are named by the dozen.
+template <typename Fact>
+void append_fact(std::string& text, const Fact& fact) {
+  if constexpr (std::convertible_to<Fact, std::string_view>) {
+    text += std::string_view(fact);
+  } else if constexpr (std::same_as<Fact, int> || std::same_as<Fact, long> || std::same_as<Fact, unsigned long>) {
+    char digits[24];
+    text.append(digits, std::to_chars(digits, digits + sizeof digits, fact).ptr);
+  } else if constexpr (std::same_as<Fact, double>) {
+    char digits[32];
+    text.append(digits, std::to_chars(digits, digits + sizeof digits, fact, std::chars_format::general, 6).ptr);
+  } else {
+    std::ostringstream out;
+    out << fact;
+    text += out.str();
+  }
+}
+
 /// Builds an error text from its facts: `text("contour ", 3, ": area is ", 0.0)`.
 template <typename... Facts>
 std::string text(const Facts&... facts) {
-  std::ostringstream out;
-  (out << ... << facts);
-  return out.str();
+  std::string result;
+  (append_fact(result, facts), ...);
+  return result;
 }
 
 }  // namespace fontcore
