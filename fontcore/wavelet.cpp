@@ -237,40 +237,71 @@ void adjoint_orthogonal(const double* fine, Index m, double* coarse, double* det
 
 // Weights of control points e .. e + p in the polar form, at p arguments, of span e of `spans` unit spans with knots of
 // full multiplicity at both ends (de Boor's algorithm).
-Eigen::RowVectorXd polar_weights(int p, Index spans, Index e, const std::vector<double>& arguments) {
+std::array<double, 4> polar_weights(int p, Index spans, Index e, std::span<const double> arguments) {
   const auto knot = [&](Index i) { return static_cast<double>(std::clamp<Index>(i - p, 0, spans)); };
-  Eigen::MatrixXd points = Eigen::MatrixXd::Identity(p + 1, p + 1);
+  std::array<std::array<double, 4>, 4> points{};
+  for (std::size_t i = 0; i < points.size(); ++i) points[i][i] = 1.0;
   for (int r = 1; r <= p; ++r) {
     for (int i = p; i >= r; --i) {
       const double low = knot(e + i);
       const double high = knot(e + i + p - r + 1);
       const double a = (arguments[static_cast<std::size_t>(r - 1)] - low) / (high - low);
-      points.row(i) = (1.0 - a) * points.row(i - 1).eval() + a * points.row(i).eval();
+      auto& point = points[static_cast<std::size_t>(i)];
+      const auto& before = points[static_cast<std::size_t>(i - 1)];
+      for (std::size_t k = 0; k < 4; ++k) point[k] = (1.0 - a) * before[k] + a * point[k];
     }
   }
-  return points.row(p);
+  return points[static_cast<std::size_t>(p)];
 }
 
 // The form on control points e .. e + p over span e.
-Eigen::MatrixXd span_form(const Eigen::MatrixXd& bernstein, int p, Index spans, Index e) {
+Eigen::MatrixXd make_span_form(const Eigen::MatrixXd& bernstein, int p, Index spans, Index e) {
   Eigen::MatrixXd to_bezier(p + 1, p + 1);
   for (int k = 0; k <= p; ++k) {
-    std::vector<double> arguments(static_cast<std::size_t>(p), static_cast<double>(e));
+    std::array<double, 3> arguments{};
+    arguments.fill(static_cast<double>(e));
     for (int r = 0; r < k; ++r) arguments[static_cast<std::size_t>(p - 1 - r)] += 1.0;
-    to_bezier.row(k) = polar_weights(p, spans, e, arguments);
+    const auto weights = polar_weights(p, spans, e, arguments);
+    for (int i = 0; i <= p; ++i) to_bezier(k, i) = weights[static_cast<std::size_t>(i)];
   }
   return to_bezier.transpose() * bernstein * to_bezier;
 }
 
+// A span is like all others that have as many spans before and after them, up to the degree.
+class SpanForms {
+ public:
+  SpanForms(Form form, int p) : p_(p) {
+    const Eigen::MatrixXd bernstein = bernstein_form(form, p);
+    for (Index before = 0; before <= p; ++before) {
+      for (Index after = 0; after <= p; ++after) {
+        Eigen::Matrix4d& local = forms_.emplace_back(Eigen::Matrix4d::Zero());
+        local.topLeftCorner(p + 1, p + 1) = make_span_form(bernstein, p, before + after + 1, before);
+      }
+    }
+  }
+  const Eigen::Matrix4d& at(Index before, Index after) const {
+    return forms_[static_cast<std::size_t>(std::min<Index>(before, p_) * (p_ + 1) + std::min<Index>(after, p_))];
+  }
+
+ private:
+  int p_;
+  std::vector<Eigen::Matrix4d> forms_;
+};
+
+const Eigen::Matrix4d& span_form(Form form, int p, bool closed, Index spans, Index e) {
+  static const std::array<SpanForms, 6> forms = {SpanForms(Form::Product, 2), SpanForms(Form::Area, 2),
+                                                 SpanForms(Form::Energy, 2),  SpanForms(Form::Product, 3),
+                                                 SpanForms(Form::Area, 3),    SpanForms(Form::Energy, 3)};
+  const SpanForms& all = forms[static_cast<std::size_t>(form) + (p == 3 ? 3 : 0)];
+  return closed ? all.at(p, p) : all.at(e, spans - 1 - e);
+}
+
 // Row i holds the entries of columns i - p .. i + p, indices modulo `size` if closed.
 Eigen::MatrixXd banded_form(Form form, int p, bool closed, Index size) {
-  const Eigen::MatrixXd bernstein = bernstein_form(form, p);
-  const Eigen::MatrixXd inner = span_form(bernstein, p, 2 * p + 1, p);
   const Index spans = closed ? size : size - p;
   Eigen::MatrixXd band = Eigen::MatrixXd::Zero(size, 2 * p + 1);
   for (Index e = 0; e < spans; ++e) {
-    const bool is_inner = closed || (e >= p && e < spans - p);
-    const Eigen::MatrixXd local = is_inner ? inner : span_form(bernstein, p, spans, e);
+    const Eigen::Matrix4d& local = span_form(form, p, closed, spans, e);
     for (int i = 0; i <= p; ++i) {
       for (int j = 0; j <= p; ++j) band(wrapped(e + i, size), p + j - i) += local(i, j);
     }
@@ -475,7 +506,8 @@ class EndpointLevel {
         arguments.push_back(0.5 * static_cast<double>(std::clamp<Index>(i + r - p, 0, 2 * K)));
       }
       const Index span = std::max<Index>(i - p, 0) / 2;
-      P.row(i).segment(span, p + 1) = polar_weights(p, K, span, arguments);
+      const auto weights = polar_weights(p, K, span, arguments);
+      for (int k = 0; k <= p; ++k) P(i, span + k) = weights[static_cast<std::size_t>(k)];
     }
     const Eigen::MatrixXd band = banded_form(Form::Product, p, false, n);
     const Eigen::MatrixXd constraints =  // P'G: the Gram matrix is symmetric
@@ -684,11 +716,8 @@ BasisRow basis_row(Scheme scheme, Index size, double t) {
   }
   const Index spans = size - p;
   const Index span = static_cast<Index>(std::clamp(std::floor(t), 0.0, static_cast<double>(spans - 1)));
-  const Eigen::RowVectorXd weight = polar_weights(p, spans, span, std::vector<double>(static_cast<std::size_t>(p), t));
-  for (int k = 0; k <= p; ++k) {
-    row.index[static_cast<std::size_t>(k)] = span + k;
-    row.weight[static_cast<std::size_t>(k)] = weight[k];
-  }
+  row.weight = polar_weights(p, spans, span, std::array{t, t, t});
+  for (int k = 0; k <= p; ++k) row.index[static_cast<std::size_t>(k)] = span + k;
   return row;
 }
 
@@ -909,6 +938,13 @@ MultiresCurve pull_control_point(Scheme scheme, Index size, int levels, Index in
   Coefficients broad = (row.array() > most - 1e-9).cast<double>();
   broad /= row.cwiseProduct(broad).sum();
   return mixed_change(scheme, sizes, j, f, broad, narrow);
+}
+
+const Eigen::Matrix4d& span_form(Form form, Scheme scheme, Index size, Index span) {
+  const Index spans = detail_count(scheme, size);
+  if (size < fewest(scheme) || span < 0 || span >= spans)
+    throw InvalidInput(text("span_form: span ", span, " of ", size, " control points of ", name_of(scheme)));
+  return span_form(form, degree(scheme), is_closed(scheme), spans, span);
 }
 
 Eigen::SparseMatrix<double> mother_matrix(Form form, Scheme scheme, Index size) {

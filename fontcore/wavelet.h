@@ -2,6 +2,7 @@
 
 #include <Eigen/SparseCore>
 #include <array>
+#include <concepts>
 #include <span>
 #include <vector>
 
@@ -100,6 +101,15 @@ struct BasisRow {
 BasisRow basis_row(Scheme scheme, Eigen::Index size, double t);
 /// The curve at t: a row as wide as the control points.
 Eigen::RowVectorXd evaluate(Scheme scheme, const CoefficientsView& control_points, double t);
+/// The same in the plane, without a row to allocate.
+inline Eigen::RowVector2d evaluate(Scheme scheme, const std::same_as<Points> auto& control_points, double t) {
+  const BasisRow row = basis_row(scheme, control_points.rows(), t);
+  Eigen::RowVector2d value = Eigen::RowVector2d::Zero();
+  for (std::size_t k = 0; k < static_cast<std::size_t>(row.count); ++k) {
+    value += row.weight[k] * control_points.row(row.index[k]);
+  }
+  return value;
+}
 
 /// Weights of the control points i - 1, i, i + 1 of a closed curve at t = i - 1/2 + u, u in [0, 1].
 Eigen::Vector3d spline_weights(double u);
@@ -228,6 +238,12 @@ enum class Form {
 /// A form on the Bernstein polynomials of a degree over [0, 1]: what schemes build their matrices from.
 /// Shape   (degree + 1)×(degree + 1).
 Eigen::MatrixXd bernstein_form(Form form, int degree);
+
+/// What one span adds to the matrix of a form: on its degree + 1 control points in order. The values live for
+/// ever.
+/// Shape   4×4, zero beyond degree + 1.
+/// Throws  InvalidInput if the size is below `fewest` or the span out of range.
+const Eigen::Matrix4d& span_form(Form form, Scheme scheme, Eigen::Index size, Eigen::Index span);
 
 /// The matrix of a form on the control points of one level: [HBS05]'s mother matrix M^n.
 /// Shape   size×size, banded (cyclic if closed).
