@@ -17,28 +17,42 @@ constexpr double contradiction = 1e-9;           // font units: less is rounding
 constexpr double length_tolerance = 1e-9;        // relative, as `length` is measured to
 constexpr double area_tolerance = 1e-13;         // relative
 
-void add_to(std::map<int, double>& sum, const std::map<int, double>& more, double factor) {
-  for (const auto& [key, value] : more) sum[key] += factor * value;
+}  // namespace
+
+void RowElimination::add_to(Sum& sum, int key, double value) {
+  const auto at = std::ranges::lower_bound(sum, key, {}, &Sum::value_type::first);
+  if (at != sum.end() && at->first == key) {
+    at->second += value;
+  } else {
+    sum.insert(at, {key, value});
+  }
 }
 
-}  // namespace
+void RowElimination::add_to(Sum& sum, const Sum& more, double factor) {
+  for (const auto& [key, value] : more) add_to(sum, key, factor * value);
+}
+
+const RowElimination::Expression* RowElimination::expression_of(int variable) const {
+  const int index = expression_of_[static_cast<std::size_t>(variable)];
+  return index < 0 ? nullptr : &expressions_[static_cast<std::size_t>(index)];
+}
 
 RowElimination::Outcome RowElimination::add(const Row& row) {
   const int id = static_cast<int>(rows_.size());
   Expression reduced;
   reduced.constant = row.value;
-  reduced.multipliers[id] = 1.0;
+  reduced.multipliers = {{id, 1.0}};
   double scale = 0.0;
   for (const auto& [variable, coefficient] : row.terms) {
     scale = std::max(scale, std::abs(coefficient));
-    const auto known = dependent_.find(variable);
-    if (known == dependent_.end()) {
-      reduced.terms[variable] += coefficient;
+    const Expression* const known = expression_of(variable);
+    if (known == nullptr) {
+      add_to(reduced.terms, variable, coefficient);
       continue;
     }
-    add_to(reduced.terms, known->second.terms, coefficient);
-    reduced.constant -= coefficient * known->second.constant;
-    add_to(reduced.multipliers, known->second.multipliers, -coefficient);
+    add_to(reduced.terms, known->terms, coefficient);
+    reduced.constant -= coefficient * known->constant;
+    add_to(reduced.multipliers, known->multipliers, -coefficient);
   }
   std::erase_if(reduced.terms,
                 [&](const auto& term) { return std::abs(term.second) <= vanishing_coefficient * scale; });
@@ -64,28 +78,28 @@ RowElimination::Outcome RowElimination::add(const Row& row) {
   });
   const int variable = pivot->first;
   const double coefficient = pivot->second;
-  Expression solved;
-  for (const auto& [other, value] : reduced.terms) {
-    if (other != variable) solved.terms[other] = -value / coefficient;
-  }
-  solved.constant = reduced.constant / coefficient;
-  for (const auto& [other, value] : reduced.multipliers) solved.multipliers[other] = value / coefficient;
+  Expression solved = std::move(reduced);
+  solved.terms.erase(pivot);
+  for (auto& term : solved.terms) term.second = -term.second / coefficient;
+  solved.constant /= coefficient;
+  for (auto& multiplier : solved.multipliers) multiplier.second /= coefficient;
 
   // What was expressed by the new dependent variable is expressed by the free ones instead.
-  for (const int user : users_[variable]) {
-    Expression& expression = dependent_.at(user);
-    const auto mention = expression.terms.find(variable);
-    if (mention == expression.terms.end()) continue;
+  for (const int user : users_[static_cast<std::size_t>(variable)]) {
+    Expression& expression = expressions_[static_cast<std::size_t>(expression_of_[static_cast<std::size_t>(user)])];
+    const auto mention = std::ranges::lower_bound(expression.terms, variable, {}, &Sum::value_type::first);
+    if (mention == expression.terms.end() || mention->first != variable) continue;
     const double factor = mention->second;
     expression.terms.erase(mention);
     add_to(expression.terms, solved.terms, factor);
     expression.constant += factor * solved.constant;
     add_to(expression.multipliers, solved.multipliers, factor);
-    for (const auto& term : solved.terms) users_[term.first].push_back(user);
+    for (const auto& term : solved.terms) users_[static_cast<std::size_t>(term.first)].push_back(user);
   }
-  users_.erase(variable);
-  for (const auto& term : solved.terms) users_[term.first].push_back(variable);
-  dependent_.emplace(variable, std::move(solved));
+  users_[static_cast<std::size_t>(variable)].clear();
+  for (const auto& term : solved.terms) users_[static_cast<std::size_t>(term.first)].push_back(variable);
+  expression_of_[static_cast<std::size_t>(variable)] = static_cast<int>(expressions_.size());
+  expressions_.push_back(std::move(solved));
   rows_.push_back(row);
   return Outcome::Taken;
 }
@@ -99,15 +113,17 @@ RowElimination::Space RowElimination::space() const {
   std::vector<int> column(static_cast<std::size_t>(variables_), -1);
   int free = 0;
   for (int v = 0; v < variables_; ++v) {
-    if (dependent_.contains(v)) continue;
+    if (expression_of(v) != nullptr) continue;
     entries.emplace_back(v, free, 1.0);
     column[static_cast<std::size_t>(v)] = free++;
   }
   Space space{Eigen::SparseMatrix<double>(variables_, free), Eigen::VectorXd::Zero(variables_)};
-  for (const auto& [variable, expression] : dependent_) {
-    space.c[variable] = expression.constant;
-    for (const auto& [other, value] : expression.terms)
-      entries.emplace_back(variable, column[static_cast<std::size_t>(other)], value);
+  for (int v = 0; v < variables_; ++v) {
+    const Expression* const expression = expression_of(v);
+    if (expression == nullptr) continue;
+    space.c[v] = expression->constant;
+    for (const auto& [other, value] : expression->terms)
+      entries.emplace_back(v, column[static_cast<std::size_t>(other)], value);
   }
   space.T.setFromTriplets(entries.begin(), entries.end());
   return space;

@@ -27,7 +27,8 @@ struct Conflict {
 /// Source  DESIGN decision 5: substitution with the largest pivot.
 class RowElimination {
  public:
-  explicit RowElimination(int variables) : variables_(variables) {}
+  explicit RowElimination(int variables)
+      : variables_(variables), expression_of_(static_cast<std::size_t>(variables), -1), users_(expression_of_.size()) {}
 
   enum class Outcome { Taken, Redundant, Conflicting };
   Outcome add(const Row& row);
@@ -47,18 +48,24 @@ class RowElimination {
   double residual(const Eigen::VectorXd& displacement) const;
 
  private:
+  /// A sum of few terms, by rising key.
+  using Sum = std::vector<std::pair<int, double>>;
   // variable = sum of coefficient * free variable + constant; and the rows, with multipliers, that say so.
   struct Expression {
-    std::map<int, double> terms;
+    Sum terms;
     double constant = 0.0;
-    std::map<int, double> multipliers;
+    Sum multipliers;
   };
+  static void add_to(Sum& sum, int key, double value);
+  static void add_to(Sum& sum, const Sum& more, double factor);
+  const Expression* expression_of(int variable) const;
 
   int variables_ = 0;
   int redundant_ = 0;
   std::vector<Row> rows_;
-  std::map<int, Expression> dependent_;
-  std::map<int, std::vector<int>> users_;  // free variable -> dependent variables that may mention it
+  std::vector<Expression> expressions_;
+  std::vector<int> expression_of_;       // per variable its expression; -1 if it is free
+  std::vector<std::vector<int>> users_;  // per free variable the dependent ones that may mention it
   std::vector<Conflict> conflicts_;
 };
 
