@@ -136,6 +136,11 @@ BezierContour BezierContour::with_points(Points points) const {
   return moved;
 }
 
+void BezierContour::set_point(int index, const Point& to) {
+  if (!to.allFinite()) throw InvalidInput(text("set_point: point ", index, " is not finite"));
+  points_.row(index) = to.transpose();
+}
+
 bool operator==(const BezierContour& a, const BezierContour& b) {
   return a.kinds() == b.kinds() && a.points() == b.points();
 }

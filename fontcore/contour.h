@@ -78,6 +78,8 @@ class BezierContour {
   /// The same structure with other coordinates.
   /// Throws  InvalidInput if the shape differs or a coordinate is not finite.
   BezierContour with_points(Points points) const;
+  /// Throws  InvalidInput if a coordinate is not finite.
+  void set_point(int index, const Point& to);
 
  private:
   Points points_;

@@ -1,7 +1,9 @@
 #include "fontcore/fit.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <numbers>
 #include <numeric>
@@ -325,6 +327,7 @@ constexpr double enough_area = 4e-4;  // relative: an outline of few unknowns fu
 constexpr int far = 12;               // steps that such a search takes an unknown to either side
 constexpr std::size_t most_for_far = 24;  // unknowns it is made for; with more the near one has not failed yet
 constexpr double handle_slack = 1.0;      // font units
+constexpr double area_rounding = 1e-6;    // square units: areas nearer to each other than this rank alike
 
 // Whole-number search over the coordinates of a moved outline, those that rules tie being one unknown.
 class WholeNumbers {
@@ -376,6 +379,18 @@ class WholeNumbers {
       if (original.kind(p) == PointKind::ImpliedNode || turns_here) continue;
       joins_.push_back(s);
     }
+    coordinates_.resize(exact_.size());
+    for (int v = 0; v < 2 * n; ++v) {
+      const int k = unknown_[static_cast<std::size_t>(v)];
+      if (k >= 0) coordinates_[static_cast<std::size_t>(k)].push_back(v);
+    }
+    for (int p = 0; p < n; ++p) {
+      if (edited.kind(p) == PointKind::ImpliedNode) implied_.push_back(p);
+    }
+    here_ = edited;
+    shown_.assign(exact_.size(), std::numeric_limits<double>::quiet_NaN());
+    all_joins_.resize(joins_.size());
+    std::iota(all_joins_.begin(), all_joins_.end(), std::size_t{0});
     joins_of_.resize(exact_.size());
     for (std::size_t j = 0; j < joins_.size(); ++j) {
       for (const std::size_t k : unknowns_of(joins_[j])) joins_of_[k].push_back(j);
@@ -388,7 +403,7 @@ class WholeNumbers {
     result.plain_area_error = error(plain);
     mend_joins();
     const BezierContour here = contour(value_);
-    for (const std::size_t j : opened(value_, all_joins())) opened_.emplace(j, turn(here, j));
+    for (const std::size_t j : opened(value_, all_joins_)) opened_.emplace(j, turn(here, j));
     const std::vector<double> mended = value_;
     const double good = good_area * goal_.scale;
     combine();
@@ -397,7 +412,7 @@ class WholeNumbers {
     if (std::abs(error(value_)) > std::max(std::abs(error(mended)), good)) value_ = mended;
     result.contour = contour(value_);
     result.area_error = error(value_);
-    result.opened_joins = static_cast<int>(opened(value_, all_joins()).size());
+    result.opened_joins = static_cast<int>(opened(value_, all_joins_).size());
     result.handle_error = handle_error(value_);
     return result;
   }
@@ -409,20 +424,20 @@ class WholeNumbers {
   };
   using Changes = std::vector<Change>;
 
-  BezierContour contour(const std::vector<double>& value) const {
-    Points points = edited_.points();
-    for (int p = 0; p < points.rows(); ++p) {
-      for (int axis = 0; axis < 2; ++axis) {
-        const int k = unknown_[static_cast<std::size_t>(2 * p + axis)];
-        if (k >= 0) points(p, axis) = value[static_cast<std::size_t>(k)];
+  // The outline with these values; the one before is taken over, as most differ from it in a few places.
+  const BezierContour& contour(const std::vector<double>& value) const {
+    for (std::size_t k = 0; k < value.size(); ++k) {
+      if (value[k] == shown_[k]) continue;
+      shown_[k] = value[k];
+      for (const int v : coordinates_[k]) {
+        Point moved = here_.point(v / 2);
+        moved[v % 2] = value[k];
+        here_.set_point(v / 2, moved);
       }
     }
-    const auto n = points.rows();
-    for (Eigen::Index p = 0; p < n; ++p) {
-      if (edited_.kind(static_cast<int>(p)) == PointKind::ImpliedNode)
-        points.row(p) = 0.5 * (points.row((p + n - 1) % n) + points.row((p + 1) % n));
-    }
-    return edited_.with_points(std::move(points));
+    const int n = static_cast<int>(here_.point_count());
+    for (const int p : implied_) here_.set_point(p, 0.5 * (here_.point((p + n - 1) % n) + here_.point((p + 1) % n)));
+    return here_;
   }
   double error(const std::vector<double>& value) const { return signed_area(contour(value)) - goal_.area; }
 
@@ -448,17 +463,12 @@ class WholeNumbers {
     }
     return {found.begin(), found.end()};
   }
-  std::vector<std::size_t> all_joins() const {
-    std::vector<std::size_t> all(joins_.size());
-    std::iota(all.begin(), all.end(), std::size_t{0});
-    return all;
-  }
-  std::set<std::size_t> opened(const std::vector<double>& value, const std::vector<std::size_t>& which) const {
-    std::set<std::size_t> result;
-    const BezierContour here = contour(value);
-    for (const std::size_t j : which) {
-      if (turn(here, j) > smooth_angle) result.insert(j);
-    }
+  // Of the joins given, those that are open.
+  std::vector<std::size_t> opened(const std::vector<double>& value, const std::vector<std::size_t>& which) const {
+    const BezierContour& here = contour(value);
+    std::vector<std::size_t> result;
+    std::copy_if(which.begin(), which.end(), std::back_inserter(result),
+                 [&](std::size_t j) { return turn(here, j) > smooth_angle; });
     return result;
   }
   double turn(const BezierContour& here, std::size_t join) const {
@@ -473,7 +483,7 @@ class WholeNumbers {
   void mend_joins() {
     for (const int further : {0, 1}) {
       for (int sweep = 0; sweep < 4; ++sweep) {
-        const std::set<std::size_t> bad = opened(value_, all_joins());
+        const std::vector<std::size_t> bad = opened(value_, all_joins_);
         if (bad.empty()) return;
         for (const std::size_t j : bad) mend(j, further);
       }
@@ -513,16 +523,15 @@ class WholeNumbers {
   }
 
   bool opens_none(const std::vector<double>& value, const Changes& changes) const {
-    std::set<std::size_t> touched;
-    for (const Change& change : changes)
-      touched.insert(joins_of_[change.unknown].begin(), joins_of_[change.unknown].end());
-    const auto now = opened(value, {touched.begin(), touched.end()});
-    if (now.empty()) return true;
-    const BezierContour here = contour(value);
-    return std::all_of(now.begin(), now.end(), [&](std::size_t j) {
+    const BezierContour& here = contour(value);
+    const auto stays = [&](std::size_t j) {
+      const double now = turn(here, j);
+      if (now <= smooth_angle) return true;
       const auto open = opened_.find(j);
-      return open != opened_.end() && turn(here, j) <= open->second;
-    });
+      return open != opened_.end() && now <= open->second;
+    };
+    return std::ranges::all_of(
+        changes, [&](const Change& change) { return std::ranges::all_of(joins_of_[change.unknown], stays); });
   }
   bool is_allowed(const std::vector<double>& value, const Changes& changes) const {
     if (!opens_none(value, changes)) return false;
@@ -553,6 +562,7 @@ class WholeNumbers {
     const std::size_t m = own.size();
     if (m == 0 || m > most_combined) return;
     const double start = error(value_);
+    if (std::abs(start) < 0.5 * area_rounding) return;
     Eigen::MatrixXd form = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(m), static_cast<Eigen::Index>(m));
     const auto at = [&](std::size_t a, std::size_t b) -> double& {
       return form(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(b));
@@ -564,16 +574,22 @@ class WholeNumbers {
             error(changed({{own[a], other_side(own[a])}, {own[b], other_side(own[b])}})) - start - at(a, a) - at(b, b);
       }
     }
+    // What every combination adds: that of its last unknown, and what this one changes with each of those before.
+    std::vector<double> sums(std::size_t{1} << m, start);
+    std::vector<double> more(std::size_t{1} << (m - 1));
+    for (std::size_t a = 0; a < m; ++a) {
+      const std::size_t without = std::size_t{1} << a;
+      more[0] = at(a, a);
+      for (std::size_t b = 0; b < a; ++b) {
+        const std::size_t half = std::size_t{1} << b;
+        for (std::size_t mask = 0; mask < half; ++mask) more[half + mask] = more[mask] + at(b, a);
+      }
+      for (std::size_t mask = 0; mask < without; ++mask) sums[without + mask] = sums[mask] + more[mask];
+    }
     std::vector<std::pair<double, unsigned>> ranked;
     for (unsigned mask = 0; mask < 1U << m; ++mask) {
-      double sum = start;
-      for (std::size_t a = 0; a < m; ++a) {
-        if ((mask >> a & 1U) == 0U) continue;
-        for (std::size_t b = a; b < m; ++b) {
-          if ((mask >> b & 1U) != 0U) sum += at(a, b);
-        }
-      }
-      ranked.emplace_back(std::round(std::abs(sum) * 1e6), mask);
+      const double off = std::abs(sums[mask]);
+      if (off <= std::abs(start) + area_rounding) ranked.emplace_back(std::round(off / area_rounding), mask);
     }
     const std::size_t most = std::min<std::size_t>(ranked.size(), 4000);
     std::partial_sort(ranked.begin(), ranked.begin() + static_cast<std::ptrdiff_t>(most), ranked.end());
@@ -608,35 +624,42 @@ class WholeNumbers {
           if (is_allowed(tried, change)) single.push_back({change[0], error(tried) - start});
         }
       }
-      std::vector<std::pair<double, Changes>> options;
-      const auto offer = [&](double sum, Changes changes) {
-        options.emplace_back(std::abs(start + sum), std::move(changes));
+      struct Option {
+        double off;  // estimated area error
+        std::array<std::size_t, 3> changes;
+        std::size_t count;
+      };
+      std::vector<Option> options;
+      const auto offer = [&](double sum, std::array<std::size_t, 3> changes, std::size_t count) {
+        options.push_back({std::abs(start + sum), changes, count});
       };
       const std::size_t m = single.size();
       for (std::size_t a = 0; a < m; ++a) {
-        offer(single[a].second, {single[a].first});
+        offer(single[a].second, {a}, 1);
         for (std::size_t b = a + 1; b < m; ++b) {
           if (single[a].first.unknown == single[b].first.unknown) continue;
           const double two = single[a].second + single[b].second;
-          offer(two, {single[a].first, single[b].first});
+          offer(two, {a, b}, 2);
           if (m > most_for_triples) continue;
           for (std::size_t c = b + 1; c < m; ++c) {
             if (single[c].first.unknown == single[a].first.unknown ||
                 single[c].first.unknown == single[b].first.unknown)
               continue;
-            offer(two + single[c].second, {single[a].first, single[b].first, single[c].first});
+            offer(two + single[c].second, {a, b, c}, 3);
           }
         }
       }
       const std::size_t most = std::min<std::size_t>(options.size(), tried_exactly);
       std::partial_sort(options.begin(), options.begin() + static_cast<std::ptrdiff_t>(most), options.end(),
-                        [](const auto& a, const auto& b) { return a.first < b.first; });
+                        [](const Option& a, const Option& b) { return a.off < b.off; });
       std::vector<double> best = value_;
       double best_error = std::abs(start);
       for (std::size_t r = 0; r < most; ++r) {
-        const std::vector<double> tried = changed(options[r].second);
+        Changes changes;
+        for (std::size_t c = 0; c < options[r].count; ++c) changes.push_back(single[options[r].changes[c]].first);
+        const std::vector<double> tried = changed(changes);
         const double here = std::abs(error(tried));
-        if (here < best_error && is_allowed(tried, options[r].second)) {
+        if (here < best_error && is_allowed(tried, changes)) {
           best = tried;
           best_error = here;
         }
@@ -703,7 +726,12 @@ class WholeNumbers {
   std::vector<bool> locked_;                        // per unknown
   std::vector<int> joins_;                          // segments that start at a smooth join
   std::vector<std::vector<std::size_t>> joins_of_;  // per unknown
-  std::map<std::size_t, double> opened_;            // joins that could not be mended, and what they turn by at most
+  std::vector<std::vector<int>> coordinates_;       // per unknown: those it stands for
+  std::vector<int> implied_;                        // implied nodes
+  std::vector<std::size_t> all_joins_;
+  mutable BezierContour here_;            // the outline with the values `shown_`
+  mutable std::vector<double> shown_;     // per unknown
+  std::map<std::size_t, double> opened_;  // joins that could not be mended, and what they turn by at most
 };
 
 }  // namespace
