@@ -366,6 +366,56 @@ double two_sided_distance(const Points& a, const Points& b, double give_up_above
   return there > give_up_above ? there : std::max(there, one_sided_distance(b, a, give_up_above));
 }
 
+namespace {
+
+// Distance of a place from a segment, by Gauss-Newton from u; and whether it led over an end: -1 the start, 1 the end.
+struct SegmentDistance {
+  double distance;
+  int beyond;
+};
+SegmentDistance distance_near(const Bezier& bezier, double u, const Point& place) {
+  int beyond = 0;
+  const int steps = bezier.degree == 1 ? 1 : 3;
+  for (int step = 0; step < steps; ++step) {
+    const Point along = derivative(bezier, u);
+    const double square = along.squaredNorm();
+    if (square == 0.0) break;
+    const double next = u + along.dot(place - evaluate(bezier, u)) / square;
+    beyond = next < 0.0 ? -1 : next > 1.0 ? 1 : 0;
+    u = std::clamp(next, 0.0, 1.0);
+  }
+  return {(place - evaluate(bezier, u)).norm(), beyond};
+}
+
+double one_sided_distance(const BezierContour& from, const BezierContour& to) {
+  constexpr int pieces_of_curve = 16;
+  double worst = 0.0;
+  for (int s = 0; s < from.segment_count(); ++s) {
+    const Bezier own = from.segment(s);
+    const Bezier other = to.segment(s);
+    if (std::equal(own.p.begin(), own.p.begin() + own.degree + 1, other.p.begin())) continue;
+    const int pieces = own.degree == 1 ? 1 : pieces_of_curve;
+    for (int k = 0; k <= pieces; ++k) {
+      const double u = static_cast<double>(k) / pieces;
+      const Point place = evaluate(own, u);
+      auto [distance, beyond] = distance_near(other, u, place);
+      if (distance > worst && beyond < 0)
+        distance = std::min(distance, distance_near(to.segment(to.previous(s)), 1.0, place).distance);
+      if (distance > worst && beyond > 0)
+        distance = std::min(distance, distance_near(to.segment(to.next(s)), 0.0, place).distance);
+      worst = std::max(worst, distance);
+    }
+  }
+  return worst;
+}
+
+}  // namespace
+
+double two_sided_distance(const BezierContour& a, const BezierContour& b) {
+  if (a.kinds() != b.kinds()) throw InvalidInput("two_sided_distance: the contours differ in structure");
+  return std::max(one_sided_distance(a, b), one_sided_distance(b, a));
+}
+
 NearestPoint nearest_point(const BezierContour& contour, const Point& place) {
   NearestPoint best{.distance = std::numeric_limits<double>::infinity()};
   for (int s = 0; s < contour.segment_count(); ++s) {

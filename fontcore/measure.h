@@ -85,6 +85,14 @@ class ArcLength {
 double two_sided_distance(const Points& a, const Points& b,
                           double give_up_above = std::numeric_limits<double>::infinity());
 
+/// The same of two contours of one structure that lie close to each other: of every segment from that of the other
+/// contour and its neighbours.
+///
+/// Exact   never too small at the places it looks at: the ends of lines, 16 places of a curve. Too large only where the
+///         outline comes nearer to other parts of itself than that.
+/// Throws  InvalidInput if the contours have not the same structure.
+double two_sided_distance(const BezierContour& a, const BezierContour& b);
+
 /// The point of a contour nearest to a place; the first in segment order if several are equally near.
 ///
 /// Exact   u to 1e-8 where the distance has one minimum between samples 1/32 apart.

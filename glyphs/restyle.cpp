@@ -533,13 +533,10 @@ double largest_displacement(const Contours& before, const Contours& after, doubl
   return largest;
 }
 
-double emission_deviation(const Contours& solved, const Contours& emitted, double step) {
+double emission_deviation(const Contours& solved, const Contours& emitted) {
   double deviation = 0.0;
-  for (std::size_t k = 0; k < solved.size(); ++k) {
-    if (solved[k] == emitted[k]) continue;
-    deviation =
-        std::max(deviation, fontcore::two_sided_distance(to_polyline(solved[k], step), to_polyline(emitted[k], step)));
-  }
+  for (std::size_t k = 0; k < solved.size(); ++k)
+    deviation = std::max(deviation, fontcore::two_sided_distance(solved[k], emitted[k]));
   return deviation;
 }
 
@@ -678,11 +675,10 @@ GlyphResult restyle_glyph(const Font& font, int id, const Recipe& recipe, const 
   report.area_unrounded = signed_area(result.unrounded);
   report.area_after = signed_area(result.contours);
   if (recipe.keep.area == KeepArea::None) report.area_target = report.area_unrounded;
-  const double step = 1e-3 * font.units_per_em;
-  report.largest_displacement = largest_displacement(glyph.contours, result.contours, step);
+  report.largest_displacement = largest_displacement(glyph.contours, result.contours, 1e-3 * font.units_per_em);
   report.segments_after = segment_count(result.contours);
   report.segments_kept = kept_segments(glyph.contours, result.contours);
-  report.deviation = emission_deviation(result.unrounded, result.contours, step);
+  report.deviation = emission_deviation(result.unrounded, result.contours);
   if (const double taken = std::abs(report.area_before) - std::abs(report.area_target);
       recipe.keep.area != KeepArea::None && taken != 0.0) {
     report.notes.push_back(text("softening ", taken > 0.0 ? "takes " : "adds ", std::abs(taken), " square units, ",
