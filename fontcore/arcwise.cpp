@@ -1,6 +1,5 @@
 #include "fontcore/arcwise.h"
 
-#include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -264,63 +263,152 @@ namespace {
 constexpr std::array<double, 3> gauss_node = {0.11270166537925831, 0.5, 0.88729833462074169};
 constexpr std::array<double, 3> gauss_weight = {5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0};
 
-struct ArcFit {
-  Coefficients points;
-  double distance = 0.0;
+// An arc of an outline, sampled at fractions of its length; those of halved spans are asked for again and again.
+class ArcSamples {
+ public:
+  ArcSamples(const OutlineArcs& outline, int arc, double length) : outline_(outline), arc_(arc), length_(length) {}
+
+  double length() const { return length_; }
+  Point at(double s) const {
+    const auto [segment, u] = arc_ < 0 ? outline_.locate(s) : outline_.locate(arc_, s);
+    return evaluate(outline_.contour().segment(segment), u);
+  }
+  /// The points at k / count of the length, k = 0 .. count, where `count` doubles from one call to the next.
+  const std::vector<Point>& even(Index count) {
+    const double step = length_ / static_cast<double>(count);
+    std::vector<Point> finer;
+    finer.reserve(static_cast<std::size_t>(count) + 1);
+    const bool knows_half = 2 * (std::ssize(even_) - 1) == count;
+    for (Index k = 0; k <= count; ++k) {
+      const bool is_known = knows_half && k % 2 == 0;
+      finer.push_back(is_known ? even_[static_cast<std::size_t>(k / 2)] : at(static_cast<double>(k) * step));
+    }
+    even_ = std::move(finer);
+    return even_;
+  }
+
+ private:
+  const OutlineArcs& outline_;
+  int arc_;  // -1: the whole contour, across corners
+  double length_;
+  std::vector<Point> even_;
 };
 
+ArcSpline line_spline(Scheme scheme, double length, const std::array<Point, 2>& ends) {
+  const int p = degree(scheme);
+  ArcSpline line{scheme, Points(p + 1, 2)};
+  for (int k = 0; k <= p; ++k) line.points.row(k) = ends[0] + static_cast<double>(k) / p * (ends[1] - ends[0]);
+  line.points.row(p) = ends[1];
+  line.length = length;
+  line.is_line = true;
+  return line;
+}
+
 // Least squares over arc length by `spans` spans; an open arc has its ends on the outline.
-ArcFit fit_arc(const OutlineCurve& outline, double start, double length, Scheme scheme, Index spans,
-               const std::array<Point, 2>& ends) {
+ArcSpline fit_arc(ArcSamples& samples, Scheme scheme, Index spans, const std::array<Point, 2>& ends) {
   const bool closed = is_closed(scheme);
-  const Index size = closed ? spans : spans + degree(scheme);
-  const double span = length / static_cast<double>(spans);
-  const auto at = [&](double u) -> Point {
-    const auto [segment, local] = outline.locate_length(start + u * span);
-    return evaluate(outline.contour().segment(segment), local);
-  };
-  ArcFit fit{Coefficients::Zero(size, 2), 0.0};
+  const int p = degree(scheme);
+  const Index size = closed ? spans : spans + p;
+  const double span = samples.length() / static_cast<double>(spans);
+  ArcSpline fit{scheme, Points::Zero(size, 2)};
+  fit.length = samples.length();
   if (!closed) {
     fit.points.row(0) = ends[0].transpose();
     fit.points.row(size - 1) = ends[1].transpose();
   }
-  const auto column = [&](Index i) { return closed ? i : i == 0 || i == size - 1 ? Index{-1} : i - 1; };
-  std::vector<Eigen::Triplet<double>> entries;
-  const Index unknowns = closed ? size : size - 2;
-  Coefficients right = Coefficients::Zero(unknowns, 2);
+  const Index held = closed ? 0 : 1;
+  const Index unknowns = size - 2 * held;
+  ProfileSystem system = spline_system(scheme, size, held);
+  Points right = Points::Zero(unknowns, 2);
   for (Index e = 0; e < spans; ++e) {
     for (std::size_t g = 0; g < gauss_node.size(); ++g) {
       const double u = static_cast<double>(e) + gauss_node[g];
-      const BasisRow row = basis_row(scheme, size, closed ? u - 0.5 : u);
-      Eigen::RowVector2d rest = at(u).transpose();
+      const BasisRow row = basis_row(scheme, size, fit.parameter_at(u));
+      Eigen::RowVector2d rest = samples.at(u * span).transpose();
+      const auto column = [&](std::size_t a) {
+        const Index i = row.index[a] - held;
+        return i < unknowns ? i : Index{-1};
+      };
       for (std::size_t a = 0; a < static_cast<std::size_t>(row.count); ++a) {
-        if (column(row.index[a]) < 0) rest -= row.weight[a] * fit.points.row(row.index[a]);
+        if (column(a) < 0) rest -= row.weight[a] * fit.points.row(row.index[a]);
       }
       for (std::size_t a = 0; a < static_cast<std::size_t>(row.count); ++a) {
-        const Index i = column(row.index[a]);
+        const Index i = column(a);
         if (i < 0) continue;
         right.row(i) += gauss_weight[g] * row.weight[a] * rest;
         for (std::size_t b = 0; b < static_cast<std::size_t>(row.count); ++b) {
-          const Index j = column(row.index[b]);
-          if (j >= 0 && j <= i) entries.emplace_back(i, j, gauss_weight[g] * row.weight[a] * row.weight[b]);
+          const Index j = column(b);
+          if (j >= 0 && j <= i)
+            system.entry(static_cast<int>(i), static_cast<int>(j)) += gauss_weight[g] * row.weight[a] * row.weight[b];
         }
       }
     }
   }
-  Eigen::SparseMatrix<double> system(unknowns, unknowns);
-  system.setFromTriplets(entries.begin(), entries.end());
-  const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>, Eigen::Lower> factor(system);
-  fit.points.middleRows(closed ? 0 : 1, unknowns) = factor.solve(right);
-  constexpr int samples = 4;  // a span
-  for (Index k = 0; k <= samples * spans; ++k) {
-    const double u = static_cast<double>(k) / samples;
-    const Point there = evaluate(scheme, fit.points, closed ? u - 0.5 : u).transpose();
-    fit.distance = std::max(fit.distance, (there - at(u)).norm());
+  system.factor();
+  fit.points.middleRows(held, unknowns) = system.solve(std::move(right));
+  constexpr Index per_span = 4;
+  const std::vector<Point>& outline = samples.even(per_span * spans);
+  for (Index k = 0; k <= per_span * spans; ++k) {
+    const double t = fit.parameter_at(static_cast<double>(k) / per_span);
+    const Point there = evaluate(scheme, fit.points, t).transpose();
+    fit.distance = std::max(fit.distance, (there - outline[static_cast<std::size_t>(k)]).norm());
   }
   return fit;
 }
 
 }  // namespace
+
+ProfileSystem spline_system(Scheme scheme, Eigen::Index size, Eigen::Index held) {
+  const auto n = static_cast<int>(size - 2 * held);
+  const int p = degree(scheme);
+  std::vector<int> first;
+  for (int i = 0; i < n; ++i) first.push_back(is_closed(scheme) && i + p >= n ? 0 : std::max(0, i - p));
+  return ProfileSystem(std::move(first));
+}
+
+std::vector<ArcSpline> fit_arcs(const OutlineArcs& outline, const ArcwiseOptions& options) {
+  if (!(options.tolerance > 0.0) || is_closed(options.open) || !is_closed(options.closed)) {
+    throw InvalidInput(text("ArcwiseCurve: tolerance ", options.tolerance, ", or a scheme of the wrong kind"));
+  }
+  std::vector<ArcSpline> arcs;
+  const auto add = [&](ArcSamples samples, double start, Scheme scheme, const std::array<Point, 2>& ends) {
+    Index spans = is_closed(scheme) ? 4 : 1;
+    int levels = 0;
+    ArcSpline fit = fit_arc(samples, scheme, spans, ends);
+    while (fit.distance > options.tolerance && 2 * spans <= options.most_spans) {
+      spans *= 2;
+      ++levels;
+      fit = fit_arc(samples, scheme, spans, ends);
+    }
+    fit.levels = levels;
+    fit.start = start;
+    arcs.push_back(std::move(fit));
+  };
+  if (!outline.has_corner() || options.corners == Corners::Round) {  // it has no ends
+    add({outline, -1, outline.length()}, 0.0, options.closed, {Point::Zero(), Point::Zero()});
+    return arcs;
+  }
+  const BezierContour& contour = outline.contour();
+  const std::vector<OutlineArcs::Arc>& own = outline.arcs();
+  for (std::size_t k = 0; k < own.size(); ++k) {
+    const int next = own[(k + 1) % own.size()].segments[0];
+    const std::array<Point, 2> ends = {contour.point(contour.node(own[k].segments[0])),
+                                       contour.point(contour.node(next))};
+    if (own[k].is_line()) {
+      arcs.push_back(line_spline(options.open, own[k].length, ends));
+      arcs.back().start = own[k].start;
+    } else {
+      add({outline, static_cast<int>(k), own[k].length}, own[k].start, options.open, ends);
+    }
+  }
+  return arcs;
+}
+
+ArcwiseCurve::Arc::Arc(const ArcSpline& spline)
+    : curve(decompose(spline.scheme, spline.points, spline.levels)),
+      start(spline.start),
+      length(spline.length),
+      distance(spline.distance) {}
 
 double ArcwiseCurve::Arc::span_length() const {
   return length / static_cast<double>(detail_count(curve.scheme(), curve.size(curve.base().levels())));
@@ -334,32 +422,8 @@ double ArcwiseCurve::Arc::level_of_scale(double scale) const {
   return std::clamp(level, 0.0, static_cast<double>(base.levels()));
 }
 
-ArcwiseCurve::ArcwiseCurve(const OutlineCurve& outline, const ArcwiseOptions& options) : length_(outline.length()) {
-  if (!(options.tolerance > 0.0) || is_closed(options.open) || !is_closed(options.closed)) {
-    throw InvalidInput(text("ArcwiseCurve: tolerance ", options.tolerance, ", or a scheme of the wrong kind"));
-  }
-  const auto add = [&](double start, double length, Scheme scheme, const std::array<Point, 2>& ends) {
-    Index spans = is_closed(scheme) ? 4 : 1;
-    int levels = 0;
-    ArcFit fit = fit_arc(outline, start, length, scheme, spans, ends);
-    while (fit.distance > options.tolerance && 2 * spans <= options.most_spans) {
-      spans *= 2;
-      ++levels;
-      fit = fit_arc(outline, start, length, scheme, spans, ends);
-    }
-    arcs_.push_back({SparseCurve(decompose(scheme, fit.points, levels)), start, length, fit.distance});
-  };
-  if (outline.corner_pairs().empty() || options.corners == Corners::Round) {
-    add(0.0, length_, options.closed, {Point::Zero(), Point::Zero()});  // it has no ends
-    return;
-  }
-  const BezierContour& contour = outline.contour();
-  const auto arcs = outline.arcs();
-  for (std::size_t k = 0; k < arcs.size(); ++k) {
-    const int next = arcs[(k + 1) % arcs.size()].segment;
-    add(arcs[k].start, arcs[k].length, options.open,
-        {contour.point(contour.node(arcs[k].segment)), contour.point(contour.node(next))});
-  }
+ArcwiseCurve::ArcwiseCurve(const OutlineArcs& outline, const ArcwiseOptions& options) : length_(outline.length()) {
+  for (const ArcSpline& spline : fit_arcs(outline, options)) arcs_.emplace_back(spline);
 }
 
 int ArcwiseCurve::arc_at(double s) const {

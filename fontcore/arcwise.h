@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "fontcore/outline_curve.h"
+#include "fontcore/profile.h"
 #include "fontcore/wavelet.h"
 
 namespace fontcore {
@@ -82,6 +83,30 @@ struct ArcwiseOptions {
   int most_spans = 2048;               ///< of an arc; one that needs more stays at its last distance
 };
 
+/// One arc of an outline as a single spline over its arc length.
+struct ArcSpline {
+  Scheme scheme = Scheme::HeldCubic;
+  Points points;          ///< control points
+  int levels = 0;         ///< how often the spans can be halved again
+  double start = 0.0;     ///< arc length of the outline where it begins
+  double length = 0.0;    ///< arc length of the outline along it
+  double distance = 0.0;  ///< largest between outline and spline at equal arc length, as sampled
+  bool is_line = false;   ///< a single line of the outline
+
+  double span_length() const { return length / static_cast<double>(detail_count(scheme, points.rows())); }
+  /// The parameter at a distance from the start, in spans.
+  double parameter_at(double spans) const { return is_closed(scheme) ? spans - 0.5 : spans; }
+};
+
+/// A system on the control points of a spline, but for `held` ones at either end: zero, with room for all pairs of
+/// basis functions that overlap.
+ProfileSystem spline_system(Scheme scheme, Eigen::Index size, Eigen::Index held);
+
+/// The arcs of an outline, every one by as few spans, doubled again and again, as its distance allows; an open arc has
+/// its ends on the outline.
+/// Throws  InvalidInput if the tolerance is not positive or a scheme is of the wrong kind.
+std::vector<ArcSpline> fit_arcs(const OutlineArcs& outline, const ArcwiseOptions& options = {});
+
 /// An outline as its arcs from corner to corner, each a multiresolution curve of its own over arc length.
 ///
 /// With held schemes corners are in place at every level. An arc has as many levels as it needs and not more: a stem is
@@ -93,9 +118,13 @@ struct ArcwiseOptions {
 /// Source  DESIGN decision 3; [FS94] discontinuities.
 class ArcwiseCurve {
  public:
-  explicit ArcwiseCurve(const OutlineCurve& outline, const ArcwiseOptions& options = {});
+  explicit ArcwiseCurve(const OutlineArcs& outline, const ArcwiseOptions& options = {});
+  explicit ArcwiseCurve(const OutlineCurve& curve, const ArcwiseOptions& options = {})
+      : ArcwiseCurve(curve.outline(), options) {}
 
   struct Arc {
+    explicit Arc(const ArcSpline& spline);
+
     SparseCurve curve;
     double start = 0.0;     ///< arc length where it begins
     double length = 0.0;    ///< arc length of the outline along it

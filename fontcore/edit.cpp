@@ -207,27 +207,93 @@ Points respect_corners(const OutlineCurve& curve, Points field) {
 
 namespace {
 
-// What smoothing makes of one arc: the change of its control points at the finest level, and its measures.
+// What smoothing makes of one arc: the change of its control points, and its energy.
 struct ArcChange {
-  Coefficients change;
+  Points change;
   double energy_before = 0.0;
   double energy_after = 0.0;
-  double distance = 0.0;
-  double detail = 0.0;
 };
 
-// |.|^2 over arc length of a displacement, to the power 1/2.
-double norm_over_length(const Eigen::SparseMatrix<double>& mass, const Coefficients& x) {
-  return std::sqrt(std::max(0.0, x.cwiseProduct(mass * x).sum()));
+// A form on the control points of an arc, times them.
+Points times(Form form, Scheme scheme, const Points& x) {
+  const Eigen::Index n = x.rows();
+  const int p = degree(scheme);
+  Points product = Points::Zero(n, 2);
+  for (Eigen::Index e = 0; e < detail_count(scheme, n); ++e) {
+    const Eigen::Matrix4d& local = span_form(form, scheme, n, e);
+    for (int i = 0; i <= p; ++i) {
+      for (int j = 0; j <= p; ++j) product.row((e + i) % n) += local(i, j) * x.row((e + j) % n);
+    }
+  }
+  return product;
+}
+
+// The energy over arc length of what the form gives over spans of length 1.
+double bending_factor(double span) { return 0.5 / (span * span * span); }
+
+// The x that makes |x - c|^2 + (scale / 2 pi)^4 E(x) least, less c; `bent` is the energy's form times c.
+Points smoothed_by_energy(const ArcSpline& arc, double scale, const Points& bent) {
+  const Scheme scheme = arc.scheme;
+  const Eigen::Index n = bent.rows();
+  const int p = degree(scheme);
+  const double span = arc.span_length();
+  const double bending = bending_factor(span);
+  const double stiffness = std::pow(scale / (2.0 * std::numbers::pi), 4);
+  const int held = is_closed(scheme) ? 0 : 1;
+  const auto unknowns = static_cast<int>(n) - 2 * held;
+  ProfileSystem system = spline_system(scheme, n, held);
+  for (Eigen::Index e = 0; e < detail_count(scheme, n); ++e) {
+    const Eigen::Matrix4d local =
+        span * span_form(Form::Product, scheme, n, e) + stiffness * bending * span_form(Form::Energy, scheme, n, e);
+    for (int i = 0; i <= p; ++i) {
+      const auto row = static_cast<int>((e + i) % n) - held;
+      if (row < 0 || row >= unknowns) continue;
+      for (int j = 0; j <= p; ++j) {
+        const auto column = static_cast<int>((e + j) % n) - held;
+        if (column >= 0 && column <= row) system.entry(row, column) += local(i, j);
+      }
+    }
+  }
+  system.factor();
+  Points change = Points::Zero(n, 2);
+  change.middleRows(held, unknowns) = system.solve(Points(-stiffness * bending * bent.middleRows(held, unknowns)));
+  return change;
+}
+
+Points smoothed_by_level(const ArcSpline& spline, double scale) {
+  const ArcwiseCurve::Arc arc(spline);
+  const Eigen::Index n = spline.points.rows();
+  const double level = arc.level_of_scale(scale);
+  if (level >= arc.curve.base().levels()) return Points::Zero(n, 2);
+  Coefficients x = arc.at_level(level);
+  while (x.rows() < n) x = refine(spline.scheme, x);
+  return x - spline.points;
+}
+
+ArcChange smooth_arc(const ArcSpline& arc, double scale, SmoothBy by) {
+  if (arc.is_line) return {Points::Zero(arc.points.rows(), 2)};
+  const Eigen::RowVector2d middle = arc.points.colwise().mean();
+  const Points c = arc.points.rowwise() - middle;  // or large coordinates would cancel in the energy
+  const double bending = bending_factor(arc.span_length());
+  const Points bent = times(Form::Energy, arc.scheme, c);
+  ArcChange result{Points::Zero(c.rows(), 2), bending * c.cwiseProduct(bent).sum(), 0.0};
+  result.energy_after = result.energy_before;
+  if (scale == 0.0) return result;
+  result.change = by == SmoothBy::Energy ? smoothed_by_energy(arc, scale, bent) : smoothed_by_level(arc, scale);
+  // An arc that only rounding moves stays; as a whole, since its energy hangs on differences of neighbours.
+  if (result.change.rowwise().norm().maxCoeff() < negligible * arc.length) result.change.setZero();
+  const Points x = c + result.change;
+  result.energy_after = bending * x.cwiseProduct(times(Form::Energy, arc.scheme, x)).sum();
+  return result;
 }
 
 // What an infinite scale would leave of control points x: by level the coarsest curve; by energy that of no energy, the
 // chord, for a closed curve the middle.
-Coefficients without_detail(const MultiresCurve& base, const Coefficients& x, SmoothBy by) {
-  MultiresCurve curve = decompose(base.scheme, x, base.levels());
+Coefficients without_detail(const ArcSpline& arc, const Points& x, SmoothBy by) {
+  MultiresCurve curve = decompose(arc.scheme, x, arc.levels);
   for (Coefficients& detail : curve.details) detail.setZero();
   if (by == SmoothBy::Energy) {
-    if (is_closed(base.scheme)) {
+    if (is_closed(arc.scheme)) {
       curve.coarse.rowwise() = x.colwise().mean();
     } else {
       const Eigen::RowVectorXd chord = x.bottomRows(1) - x.topRows(1);
@@ -240,51 +306,17 @@ Coefficients without_detail(const MultiresCurve& base, const Coefficients& x, Sm
   return reconstruct(curve);
 }
 
-ArcChange smooth_arc(const ArcwiseCurve::Arc& arc, double scale, SmoothBy by) {
-  const MultiresCurve& base = arc.curve.base();
-  const Scheme scheme = base.scheme;
-  Coefficients c = reconstruct(base);
-  const Eigen::RowVector2d middle = c.colwise().mean();
-  c.rowwise() -= middle;  // or large coordinates would cancel in the energy
-  const Eigen::Index n = c.rows();
-  const double span = arc.span_length();
-  const Eigen::SparseMatrix<double> mass = span * mother_matrix(Form::Product, scheme, n);
-  const Eigen::SparseMatrix<double> bending = 0.5 / (span * span * span) * mother_matrix(Form::Energy, scheme, n);
-
-  ArcChange result{Coefficients::Zero(n, 2)};
-  const Eigen::Index held = is_closed(scheme) ? 0 : 1;
-  const Eigen::Index inner = n - 2 * held;
-  if (scale > 0.0 && by == SmoothBy::Level) {
-    const double level = arc.level_of_scale(scale);
-    if (level < base.levels()) {
-      Coefficients x = arc.at_level(level);
-      x.rowwise() -= middle;
-      while (x.rows() < n) x = refine(scheme, x);
-      result.change = x - c;
-    }
-  } else if (scale > 0.0) {
-    const double stiffness = std::pow(scale / (2.0 * std::numbers::pi), 4);
-    const Eigen::SparseMatrix<double> system = (mass + stiffness * bending).block(held, held, inner, inner);
-    const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>, Eigen::Lower> factor(system);
-    const Coefficients force = -stiffness * (bending * c);
-    result.change.middleRows(held, inner) = factor.solve(force.middleRows(held, inner));
-  }
-  // An arc that only rounding moves stays; as a whole, since its energy hangs on differences of neighbours.
-  if (result.change.rowwise().norm().maxCoeff() < negligible * arc.length) result.change.setZero();
-  const Coefficients x = c + result.change;
-  const auto energy_of = [&](const Coefficients& points) { return points.cwiseProduct(bending * points).sum(); };
-  result.energy_before = energy_of(c);
-  result.energy_after = energy_of(x);
-  result.distance = norm_over_length(mass, result.change);
-  result.detail = norm_over_length(mass, x - without_detail(base, x, by));
-  return result;
+// |.|^2 over arc length of a displacement, to the power 1/2.
+double norm_over_length(const ArcSpline& arc, const Points& x) {
+  const double square = arc.span_length() * x.cwiseProduct(times(Form::Product, arc.scheme, x)).sum();
+  return std::sqrt(std::max(0.0, square));
 }
 
 // The field on the model's control points that is, at every t = i, what the arcs' changes are at that place.
-Points field_of(const OutlineCurve& curve, const ArcwiseCurve& arcs, const std::vector<Coefficients>& changes) {
+Points field_of(const OutlineCurve& curve, const ArcField& arcs, Corners corners) {
   const int n = curve.size();
   std::vector<bool> fixed(static_cast<std::size_t>(n), false);
-  if (arcs.arcs().size() > 1 || !is_closed(arcs.arcs()[0].curve.scheme())) {
+  if (corners == Corners::Keep) {
     for (const int i : curve.corner_pairs()) {
       fixed[static_cast<std::size_t>(i)] = fixed[static_cast<std::size_t>((i + 1) % n)] = true;
     }
@@ -300,10 +332,8 @@ Points field_of(const OutlineCurve& curve, const ArcwiseCurve& arcs, const std::
     for (const int other : {before, next}) {
       if (!fixed[static_cast<std::size_t>(other)]) entries.emplace_back(i, other, 0.125);
     }
-    const double s = curve.arc_length(-0.5, i);
-    const int a = arcs.arc_at(s);
-    const ArcwiseCurve::Arc& arc = arcs.arcs()[static_cast<std::size_t>(a)];
-    right.row(i) = evaluate(arc.curve.scheme(), changes[static_cast<std::size_t>(a)], arc.parameter(s));
+    const auto [arc, s] = curve.along(i);
+    right.row(i) = arcs.at(curve.outline(), arc, s);
   }
   if (right.isZero(0.0)) return right;
   Eigen::SparseMatrix<double> system(n, n);
@@ -316,34 +346,16 @@ Points field_of(const OutlineCurve& curve, const ArcwiseCurve& arcs, const std::
   return field;
 }
 
-Smoothing smooth_arcs(const OutlineCurve& curve, const ArcwiseCurve& arcs, double scale, SmoothBy by) {
-  if (!(scale >= 0.0) || !std::isfinite(scale)) throw InvalidInput(text("smooth: scale ", scale, " is not a length"));
-  Smoothing result;
-  std::vector<Coefficients> changes;
-  for (const ArcwiseCurve::Arc& arc : arcs.arcs()) {
-    ArcChange change = smooth_arc(arc, scale, by);
-    changes.push_back(std::move(change.change));
-    result.energy_before.push_back(change.energy_before);
-    result.energy_after.push_back(change.energy_after);
-    result.distance.push_back(change.distance);
-    result.detail.push_back(change.detail);
-  }
-  result.field = field_of(curve, arcs, changes);
-  return result;
-}
-
 // The arcs to smooth, a little nearer to the outline than its own model is.
-ArcwiseCurve arcs_of(const OutlineCurve& curve, Corners corners) {
-  return ArcwiseCurve(curve, {.tolerance = std::max(curve.distance(), 1e-6 * curve.length()), .corners = corners});
+ArcwiseOptions arcs_of(const OutlineCurve& curve, Corners corners) {
+  return {.tolerance = std::max(curve.distance(), 1e-6 * curve.length()), .corners = corners};
 }
 
-}  // namespace
-
-Smoothing smooth(const OutlineCurve& curve, double scale, SmoothBy by, Corners corners) {
-  return smooth_arcs(curve, arcs_of(curve, corners), scale, by);
+void require_scale(double scale) {
+  if (!(scale >= 0.0) || !std::isfinite(scale)) throw InvalidInput(text("smooth: scale ", scale, " is not a length"));
 }
 
-Points equalize(const OutlineCurve& curve, const std::vector<Band>& bands, SmoothBy by, Corners corners) {
+void require_bands(const std::vector<Band>& bands) {
   double before = 0.0;
   for (const Band& band : bands) {
     if (!(band.scale > before) || !std::isfinite(band.scale)) {
@@ -354,16 +366,83 @@ Points equalize(const OutlineCurve& curve, const std::vector<Band>& bands, Smoot
     }
     before = band.scale;
   }
-  Points field = Points::Zero(curve.size(), 2);
-  const bool changes = std::any_of(bands.begin(), bands.end(), [](const Band& band) { return band.gain != 1.0; });
-  if (!changes) return field;
-  const ArcwiseCurve arcs = arcs_of(curve, corners);
-  for (const auto& [scale, gain] : bands) {
-    if (gain == 1.0) continue;
-    const Points finer = smooth_arcs(curve, arcs, scale / std::numbers::sqrt2, by).field;
-    field += (gain - 1.0) * (finer - smooth_arcs(curve, arcs, scale * std::numbers::sqrt2, by).field);
+}
+
+}  // namespace
+
+ArcField::ArcField(const std::vector<ArcSpline>& splines, std::vector<Points> changes) {
+  for (std::size_t k = 0; k < splines.size(); ++k) {
+    const bool is_zero = changes[k].isZero(0.0);
+    pieces_.push_back({splines[k].scheme, is_zero ? 1.0 : splines[k].span_length(), is_zero, std::move(changes[k])});
   }
-  return field;
+}
+
+bool ArcField::is_zero() const { return std::ranges::all_of(pieces_, &Piece::is_zero); }
+
+Point ArcField::at(const OutlineArcs& outline, int arc, double s) const {
+  const bool is_whole = pieces_.size() == 1;
+  const Piece& piece = pieces_[is_whole ? 0 : static_cast<std::size_t>(arc)];
+  if (piece.is_zero) return Point::Zero();
+  if (is_whole) s += outline.arcs()[static_cast<std::size_t>(arc)].start;
+  const double spans = s / piece.span_length;
+  return evaluate(piece.scheme, piece.change, is_closed(piece.scheme) ? spans - 0.5 : spans).transpose();
+}
+
+ArcSmoothing smooth_arcs(const OutlineArcs& outline, double scale, SmoothBy by, const ArcwiseOptions& options) {
+  require_scale(scale);
+  const std::vector<ArcSpline> splines = fit_arcs(outline, options);
+  std::vector<Points> changes;
+  int levels = 0;
+  double before = 0.0;
+  double after = 0.0;
+  for (const ArcSpline& arc : splines) {
+    ArcChange smoothed = smooth_arc(arc, scale, by);
+    changes.push_back(std::move(smoothed.change));
+    levels = std::max(levels, arc.levels);
+    before += smoothed.energy_before;
+    after += smoothed.energy_after;
+  }
+  return {ArcField(splines, std::move(changes)), levels, before, after};
+}
+
+Smoothing smooth(const OutlineCurve& curve, double scale, SmoothBy by, Corners corners) {
+  require_scale(scale);
+  Smoothing result;
+  std::vector<Points> changes;
+  const std::vector<ArcSpline> splines = fit_arcs(curve.outline(), arcs_of(curve, corners));
+  for (const ArcSpline& arc : splines) {
+    ArcChange smoothed = smooth_arc(arc, scale, by);
+    const Points x = arc.points + smoothed.change;
+    result.energy_before.push_back(smoothed.energy_before);
+    result.energy_after.push_back(smoothed.energy_after);
+    result.distance.push_back(norm_over_length(arc, smoothed.change));
+    result.detail.push_back(norm_over_length(arc, x - without_detail(arc, x, by)));
+    changes.push_back(std::move(smoothed.change));
+  }
+  result.field = field_of(curve, ArcField(splines, std::move(changes)), corners);
+  return result;
+}
+
+ArcSmoothing equalize_arcs(const OutlineArcs& outline, const std::vector<Band>& bands, SmoothBy by,
+                           const ArcwiseOptions& options) {
+  require_bands(bands);
+  const std::vector<ArcSpline> splines = fit_arcs(outline, options);
+  std::vector<Points> changes;
+  int levels = 0;
+  for (const ArcSpline& arc : splines) {
+    levels = std::max(levels, arc.levels);
+    Points& change = changes.emplace_back(Points::Zero(arc.points.rows(), 2));
+    for (const auto& [scale, gain] : bands) {
+      if (gain == 1.0) continue;
+      change += (gain - 1.0) * (smooth_arc(arc, scale / std::numbers::sqrt2, by).change -
+                                smooth_arc(arc, scale * std::numbers::sqrt2, by).change);
+    }
+  }
+  return {ArcField(splines, std::move(changes)), levels, 0.0, 0.0};
+}
+
+Points equalize(const OutlineCurve& curve, const std::vector<Band>& bands, SmoothBy by, Corners corners) {
+  return field_of(curve, equalize_arcs(curve.outline(), bands, by, arcs_of(curve, corners)).field, corners);
 }
 
 }  // namespace fontcore

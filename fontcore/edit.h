@@ -102,6 +102,38 @@ enum class SmoothBy {
   Level,   ///< every arc becomes its own at the fractional level whose spans are half the scale ([FS94])
 };
 
+/// A displacement of an outline over arc length: on every arc a spline of its own, 0 at the ends of open ones.
+class ArcField {
+ public:
+  /// `splines` as `fit_arcs` gives them, `changes` of their control points.
+  ArcField(const std::vector<ArcSpline>& splines, std::vector<Points> changes);
+
+  bool is_zero() const;
+  /// The displacement at an arc length from the start of one of the outline's arcs.
+  Point at(const OutlineArcs& outline, int arc, double s) const;
+
+ private:
+  struct Piece {
+    Scheme scheme;
+    double span_length;
+    bool is_zero;
+    Points change;
+  };
+  std::vector<Piece> pieces_;
+};
+
+/// The displacement that smooths an outline, without a model of it: what `smooth` is made of.
+struct ArcSmoothing {
+  ArcField field;
+  int levels = 0;              ///< of the arc that has most
+  double energy_before = 0.0;  ///< integral of |x''|^2 over arc length, over all arcs, 1 / font units
+  double energy_after = 0.0;
+};
+
+/// Smooths an outline, arc by arc, as `smooth` below does. Arcs that are single lines are not looked at.
+/// Throws  InvalidInput as `smooth` and `fit_arcs`.
+ArcSmoothing smooth_arcs(const OutlineArcs& outline, double scale, SmoothBy by, const ArcwiseOptions& options);
+
 /// The displacement that smooths an outline, and what it does to every arc.
 struct Smoothing {
   Points field;                       ///< displacement of the spline's control points, N×2, font units
@@ -144,5 +176,9 @@ struct Band {
 /// Source  [FS94] smoothing and character as gains on detail, by the operator of `smooth`.
 Points equalize(const OutlineCurve& curve, const std::vector<Band>& bands, SmoothBy by = SmoothBy::Energy,
                 Corners corners = Corners::Keep);
+
+/// The same without a model of the outline.
+ArcSmoothing equalize_arcs(const OutlineArcs& outline, const std::vector<Band>& bands, SmoothBy by,
+                           const ArcwiseOptions& options);
 
 }  // namespace fontcore

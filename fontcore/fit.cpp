@@ -38,50 +38,58 @@ struct WishSystem {
   std::vector<Sample> samples;
 };
 
-WishSystem wish_system(const OutlineCurve& curve, const StructureEdit& edit, const std::vector<bool>& released) {
-  const BezierContour& contour = curve.contour();
+WishSystem wish_system(const OutlineArcs& outline, const Wish& wish, const StructureEdit& edit,
+                       const std::vector<bool>& released) {
+  const BezierContour& contour = outline.contour();
   const auto n = contour.point_count();
   WishSystem system{Eigen::SparseMatrix<double>(2 * n, 2 * n), Eigen::VectorXd::Zero(2 * n), {}};
   std::vector<Eigen::Triplet<double>> entries;
   double trace = 0.0;
-  const auto ask = [&](int s, const std::array<double, 4>& weight, double importance, const Point& wish) {
-    for (int a = 0; a <= contour.degree(s); ++a) {
-      const int p = contour.point_of(s, a);
-      const double wa = importance * weight[static_cast<std::size_t>(a)];
-      system.f.segment<2>(2 * p) += wa * wish;
-      for (int b = 0; b <= contour.degree(s); ++b) {
-        const int q = contour.point_of(s, b);
-        const double entry = wa * weight[static_cast<std::size_t>(b)];
-        entries.emplace_back(2 * p, 2 * q, entry);
-        entries.emplace_back(2 * p + 1, 2 * q + 1, entry);
-        if (p == q) trace += 2.0 * entry;
-      }
-    }
-  };
   const double stiff = stiffness * edit.breadth;
   for (int s = 0; s < contour.segment_count(); ++s) {
-    const ArcLength arc(contour.segment(s));
-    if (!released[static_cast<std::size_t>(s)] || arc.length() == 0.0) continue;
-    const auto wish_at = [&](double u) -> Point {
-      return evaluate(Scheme::Chaikin, edit.field, curve.parameter(s, u)).transpose();
+    const ArcLength& along = outline.along(s);
+    if (!released[static_cast<std::size_t>(s)] || along.length() == 0.0) continue;
+    const auto points = static_cast<std::size_t>(contour.degree(s)) + 1;
+    Eigen::Matrix4d normal = Eigen::Matrix4d::Zero();  // of the segment's points, x and y alike
+    std::array<Point, 4> right{Point::Zero(), Point::Zero(), Point::Zero(), Point::Zero()};
+    const auto ask = [&](const std::array<double, 4>& weight, double importance, const Point& value) {
+      for (std::size_t a = 0; a < points; ++a) {
+        const double wa = importance * weight[a];
+        right[a] += wa * value;
+        for (std::size_t b = 0; b < points; ++b) normal(static_cast<int>(a), static_cast<int>(b)) += wa * weight[b];
+      }
     };
-    Point before = wish_at(0.0);
+    Point before = wish(s, 0.0, 0.0);
+    double s0 = 0.0;
     for (int k = 0; k < samples_per_segment; ++k) {
       const double u0 = static_cast<double>(k) / samples_per_segment;
       const double u1 = static_cast<double>(k + 1) / samples_per_segment;
       const double u = 0.5 * (u0 + u1);
       const auto weight = bernstein(contour.degree(s), u);
-      const Point wish = wish_at(u);
-      ask(s, weight, arc.length() / samples_per_segment, wish);
-      system.samples.push_back({s, weight, wish});
+      const Point value = wish(s, u, along.at(u));
+      ask(weight, along.length() / samples_per_segment, value);
+      system.samples.push_back({s, weight, value});
       // The change of the displacement over the sample's stretch, as the wish has it.
       const auto from = bernstein(contour.degree(s), u0);
       auto change = bernstein(contour.degree(s), u1);
       for (std::size_t a = 0; a < change.size(); ++a) change[a] -= from[a];
-      const Point after = wish_at(u1);
-      const double stretch = std::max(arc.at(u1) - arc.at(u0), shortest_stretch * arc.length());
-      ask(s, change, stiff * stiff / stretch, after - before);
+      const double s1 = along.at(u1);
+      const Point after = wish(s, u1, s1);
+      const double stretch = std::max(s1 - s0, shortest_stretch * along.length());
+      ask(change, stiff * stiff / stretch, after - before);
       before = after;
+      s0 = s1;
+    }
+    for (std::size_t a = 0; a < points; ++a) {
+      const int p = contour.point_of(s, static_cast<int>(a));
+      system.f.segment<2>(2 * p) += right[a];
+      for (std::size_t b = 0; b < points; ++b) {
+        const int q = contour.point_of(s, static_cast<int>(b));
+        const double entry = normal(static_cast<int>(a), static_cast<int>(b));
+        entries.emplace_back(2 * p, 2 * q, entry);
+        entries.emplace_back(2 * p + 1, 2 * q + 1, entry);
+        if (p == q) trace += 2.0 * entry;
+      }
     }
   }
   const double small = ridge * (trace > 0.0 ? trace / static_cast<double>(2 * n) : 1.0);
@@ -92,20 +100,20 @@ WishSystem wish_system(const OutlineCurve& curve, const StructureEdit& edit, con
 
 // Segments nearer along the outline to a handle than `reach`; for a breadth of at most a quarter of the contour, the
 // nearest of them, no more than half of all.
-std::vector<bool> released_segments(const OutlineCurve& curve, const StructureEdit& edit, double reach) {
-  const BezierContour& contour = curve.contour();
+std::vector<bool> released_segments(const OutlineArcs& outline, const StructureEdit& edit, double reach) {
+  const BezierContour& contour = outline.contour();
   const int n = contour.segment_count();
   std::vector<bool> released(static_cast<std::size_t>(n), true);
   if (edit.handles.empty()) return released;
-  const double L = curve.length();
+  const double L = outline.length();
   std::vector<double> start(static_cast<std::size_t>(n) + 1, 0.0);
   for (int s = 0; s < n; ++s) {
-    start[static_cast<std::size_t>(s) + 1] = start[static_cast<std::size_t>(s)] + length(contour.segment(s));
+    start[static_cast<std::size_t>(s) + 1] = start[static_cast<std::size_t>(s)] + outline.along(s).length();
   }
   std::vector<double> own(static_cast<std::size_t>(n), L);
   for (const auto& [at, move] : edit.handles) {
     const auto h = static_cast<std::size_t>(at.segment);
-    const double handle = start[h] + ArcLength(contour.segment(at.segment)).at(at.u);
+    const double handle = start[h] + outline.along(at.segment).at(at.u);
     // A line goes as a whole: if the handle is on one, its ends are as near as the handle itself.
     const bool on_line = contour.degree(at.segment) == 1;
     const double first = on_line ? start[h] : handle;
@@ -185,9 +193,8 @@ struct HandledSolution {
   std::vector<std::string> against;
 };
 
-HandledSolution solve_with_handle(const OutlineCurve& curve, const StructureEdit& edit, const WishSystem& system,
+HandledSolution solve_with_handle(const BezierContour& contour, const StructureEdit& edit, const WishSystem& system,
                                   const RowElimination& rules) {
-  const BezierContour& contour = curve.contour();
   const auto solve = [&](const RowElimination& rows) {
     const LeastChange least(system.H, rows);
     if (edit.length) return least.solve(system.f, contour, edit.area, *edit.length);
@@ -228,14 +235,15 @@ struct Reached {
   BezierContour contour;
 };
 
-Reached solve_within(const OutlineCurve& curve, const StructureEdit& edit, const std::vector<bool>& released) {
-  const BezierContour& contour = curve.contour();
+Reached solve_within(const OutlineArcs& outline, const Wish& wish, const StructureEdit& edit,
+                     const std::vector<bool>& released) {
+  const BezierContour& contour = outline.contour();
   const std::vector<double> before = turning_angles(contour);
-  Reached result{{}, wish_system(curve, edit, released), {}};
+  Reached result{{}, wish_system(outline, wish, edit, released), {}};
   OutlineRules rules = edit.rules;
   for (int round = 0; round < 3; ++round) {
     HandledSolution next =
-        solve_with_handle(curve, edit, result.system, eliminate(contour, released, edit.rows, rules));
+        solve_with_handle(contour, edit, result.system, eliminate(contour, released, edit.rows, rules));
     if (round > 0 && (!next.solution.report.failed.empty() || next.against.size() > result.handled.against.size()))
       break;
     result.handled = std::move(next);
@@ -260,19 +268,26 @@ Reached solve_within(const OutlineCurve& curve, const StructureEdit& edit, const
 }  // namespace
 
 StructureFit refit_structure(const OutlineCurve& curve, const StructureEdit& edit) {
-  const BezierContour& contour = curve.contour();
   if (edit.field.rows() != curve.size()) {
     throw InvalidInput(
         text("refit_structure: a field of ", edit.field.rows(), " for ", curve.size(), " control points"));
   }
+  const auto wish = [&](int segment, double u, double) -> Point {
+    return evaluate(Scheme::Chaikin, edit.field, curve.parameter(segment, u)).transpose();
+  };
+  return refit_structure(curve.outline(), wish, edit);
+}
+
+StructureFit refit_structure(const OutlineArcs& outline, const Wish& wish, const StructureEdit& edit) {
+  const BezierContour& contour = outline.contour();
   // As few points as will do: the area is given back near the handle if that is gentle, further off if it is not.
   std::optional<Reached> best;
   std::pair<double, double> best_cost;
   std::vector<bool> tried;
   for (const double reach : {1.0, 1.5, 2.0}) {
-    std::vector<bool> released = released_segments(curve, edit, reach * edit.breadth);
+    std::vector<bool> released = released_segments(outline, edit, reach * edit.breadth);
     if (released == tried) continue;
-    Reached next = solve_within(curve, edit, released);
+    Reached next = solve_within(outline, wish, edit, released);
     tried = std::move(released);
     double missed = 0.0;
     for (const auto& [at, move] : edit.handles) {
@@ -306,13 +321,13 @@ StructureFit refit_structure(const OutlineCurve& curve, const StructureEdit& edi
   if (!all_landed) fit.against = handled.against;
   if (!all_landed && fit.against.empty())
     fit.against = {edit.handle_move == HandleMove::Wished ? "it is not forced" : "rounding of the solve"};
-  for (const auto& [segment, weight, wish] : system.samples) {
+  for (const auto& [segment, weight, wished] : system.samples) {
     Point d = Point::Zero();
     for (int k = 0; k <= contour.degree(segment); ++k) {
       d += weight[static_cast<std::size_t>(k)] *
            handled.solution.displacement.segment<2>(2 * contour.point_of(segment, k));
     }
-    fit.off_wish = std::max(fit.off_wish, (d - wish).norm());
+    fit.off_wish = std::max(fit.off_wish, (d - wished).norm());
   }
   return fit;
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -25,7 +26,7 @@ struct StructureEdit {
     OutlineCurve::Location at;
     Point move = Point::Zero();
   };
-  Points field;  ///< the wish: displacement of the spline's control points, N×2, font units
+  Points field;  ///< the wish, if it comes on the spline's control points: their displacement, N×2, font units
   std::vector<Handle> handles;
   HandleMove handle_move = HandleMove::Forced;
   double breadth = 0.0;  ///< of the edit; segments further from every handle than twice this keep their bits
@@ -59,6 +60,9 @@ struct StructureFit {
 /// Throws  UnsatisfiableConstraints naming the rules that a pinned handle contradicts.
 /// Source  DESIGN, "And one consequence".
 StructureFit refit_structure(const OutlineCurve& curve, const StructureEdit& edit);
+/// The same for a wish of any kind: the displacement at u of a segment, `s` of arc length from its start.
+using Wish = std::function<Point(int segment, double u, double s)>;
+StructureFit refit_structure(const OutlineArcs& outline, const Wish& wish, const StructureEdit& edit);
 
 /// Whole-number coordinates near an outline's, and what they cost.
 struct Rounding {

@@ -142,22 +142,114 @@ ArcLegs solve_legs(const std::vector<double>& lengths, const std::vector<int>& p
 
 }  // namespace
 
-OutlineCurve::OutlineCurve(const BezierContour& contour, const OutlineCurveOptions& options) : contour_(contour) {
+OutlineArcs::OutlineArcs(const BezierContour& contour, const OutlineCurveOptions& options) : contour_(contour) {
   if (contour.point_count() < 3) {
     throw InvalidInput(text("OutlineCurve: a contour of ", contour.point_count(), " points has no inside"));
   }
-  for (int s = 0; s < contour.segment_count(); ++s) arc_length_.emplace_back(contour.segment(s));
-  for (const auto& table : arc_length_) length_ += table.length();
+  along_.reserve(static_cast<std::size_t>(contour.segment_count()));
+  for (int s = 0; s < contour.segment_count(); ++s) along_.emplace_back(contour.segment(s));
+  for (const auto& table : along_) length_ += table.length();
   if (signed_area(contour) == 0.0)
     throw InvalidInput(text("OutlineCurve: a contour of length ", length_, " has no area"));
 
-  auto spans = find_spans(options);
+  // Cut at corners into arcs, and those into spans: the stretches between nodes that must lie on knots.
+  const std::vector<double> turns = turning_angles(contour_);
+  std::vector<int> solid;
+  for (int s = 0; s < contour_.segment_count(); ++s) {
+    if (along_[static_cast<std::size_t>(s)].length() > 0.0) solid.push_back(s);
+  }
+  const std::size_t n = solid.size();
+  is_corner_.assign(static_cast<std::size_t>(contour_.segment_count()), false);
+  std::vector<bool> is_cut(n, false);
+  bool any_cut = false;
+  for (std::size_t k = 0; k < n; ++k) {
+    const int here = solid[k];
+    const int before = solid[(k + n - 1) % n];
+    const bool line_before = contour_.degree(before) == 1;
+    const bool line_here = contour_.degree(here) == 1;
+    const double turn = std::abs(turns[static_cast<std::size_t>(here)]);
+    const bool is_marked =
+        std::find(options.corners.begin(), options.corners.end(), contour_.node(here)) != options.corners.end();
+    const bool corner =
+        is_marked || turn > options.corner_angle || ((line_before || line_here) && turn > options.line_angle);
+    const Point tangent = start_tangent(contour_.segment(here));
+    const bool extremum = tangent.cwiseAbs().minCoeff() < 1e-3 && !(line_before && line_here);
+    const bool implied = contour_.kind(contour_.node(here)) == PointKind::ImpliedNode;
+    is_corner_[static_cast<std::size_t>(here)] = corner;
+    is_cut[k] = corner || line_before || line_here || extremum || !implied;
+    has_corner_ = has_corner_ || corner;
+    any_cut = any_cut || is_cut[k];
+  }
+  if (!any_cut) is_cut[0] = true;
+  std::size_t start = 0;
+  while (has_corner_ ? !is_corner(solid[start]) : !is_cut[start]) ++start;
+
+  arc_of_.assign(static_cast<std::size_t>(contour_.segment_count()), 0);
+  offset_of_.assign(static_cast<std::size_t>(contour_.segment_count()), 0.0);
+  for (std::size_t step = 0; step < n; ++step) {
+    const std::size_t k = (start + step) % n;
+    const auto s = static_cast<std::size_t>(solid[k]);
+    if (arcs_.empty() || is_corner_[s]) {
+      const double begin = arcs_.empty() ? 0.0 : arcs_.back().start + arcs_.back().length;
+      arcs_.emplace_back().start = begin;
+    }
+    Arc& arc = arcs_.back();
+    if (arc.spans.empty() || is_cut[k]) arc.spans.emplace_back();
+    Span& span = arc.spans.back();
+    span.segments.push_back(solid[k]);
+    span.length += along_[s].length();
+    span.is_line = span.segments.size() == 1 && contour_.degree(solid[k]) == 1;
+    arc_of_[s] = static_cast<int>(arcs_.size()) - 1;
+    offset_of_[s] = arc.length;
+    arc.segments.push_back(solid[k]);
+    arc.offsets.push_back(arc.length);
+    arc.length += along_[s].length();
+  }
+  // A segment of no length starts where the next one with length does.
+  const int count = contour_.segment_count();
+  for (int s = count - 1, seen = 0; seen < 2 * count; s = contour_.previous(s), ++seen) {
+    const auto here = static_cast<std::size_t>(s);
+    if (along_[here].length() > 0.0) continue;
+    const auto next = static_cast<std::size_t>(contour_.next(s));
+    is_corner_[here] = is_corner_[next];
+    arc_of_[here] = arc_of_[next];
+    offset_of_[here] = offset_of_[next];
+  }
+}
+
+bool OutlineArcs::is_straight() const {
+  return std::all_of(arcs_.begin(), arcs_.end(), [](const Arc& arc) { return arc.is_line(); });
+}
+
+OutlineArcs::Location OutlineArcs::locate(int arc, double s) const {
+  const Arc& on = arcs_[static_cast<std::size_t>(arc)];
+  if (!has_corner_) s -= std::floor(s / on.length) * on.length;
+  const auto above = std::upper_bound(on.offsets.begin(), on.offsets.end(), s);
+  const auto k = static_cast<std::size_t>(std::max<std::ptrdiff_t>(0, above - on.offsets.begin() - 1));
+  const int segment = on.segments[k];
+  return {segment, along(segment).inverse(s - on.offsets[k])};
+}
+
+OutlineArcs::Location OutlineArcs::locate(double s) const {
+  s -= std::floor(s / length_) * length_;
+  const auto after =
+      std::upper_bound(arcs_.begin(), arcs_.end(), s, [](double x, const Arc& arc) { return x < arc.start; });
+  const auto arc = after - arcs_.begin() - 1;
+  const Arc& on = arcs_[static_cast<std::size_t>(arc)];
+  return locate(static_cast<int>(arc), std::min(s - on.start, on.length));
+}
+
+OutlineCurve::OutlineCurve(const BezierContour& contour, const OutlineCurveOptions& options)
+    : outline_(contour, options) {
+  for (const OutlineArcs::Arc& arc : outline_.arcs()) {
+    arcs_.push_back({static_cast<int>(arcs_.size()), 0, 0, arc.length, arc.start});
+  }
   double nearest = std::numeric_limits<double>::infinity();
   double worth_trying = options.fewest;
   for (int scale = 1; 4 * scale <= options.most; scale *= 2) {
     for (int d = 4; d <= 7 && d * scale <= options.most; ++d) {
       if (d * scale < worth_trying) continue;
-      const double off = fit(spans, d * scale, options.tolerance);
+      const double off = fit(d * scale, options.tolerance);
       if (off > first_look * options.tolerance) {
         // No outline's error falls faster than with the fourth power: sizes that would need more are passed over.
         if (std::isfinite(off)) worth_trying = d * scale * std::pow(off / (first_look * options.tolerance), 0.25);
@@ -178,88 +270,25 @@ int OutlineCurve::levels() const {
   return count;
 }
 
-// Cuts the contour at its corners into arcs, and those into spans: the stretches between nodes that must lie on knots.
-std::vector<std::vector<OutlineCurve::Span>> OutlineCurve::find_spans(const OutlineCurveOptions& options) {
-  const std::vector<double> turns = turning_angles(contour_);
-  std::vector<int> solid;
-  for (int s = 0; s < contour_.segment_count(); ++s) {
-    if (arc_length_[static_cast<std::size_t>(s)].length() > 0.0) solid.push_back(s);
-  }
-  const std::size_t n = solid.size();
-  nodes_.assign(static_cast<std::size_t>(contour_.segment_count()), Node{});
-  std::vector<bool> is_cut(n, false);
-  bool any_cut = false;
-  for (std::size_t k = 0; k < n; ++k) {
-    const int here = solid[k];
-    const int before = solid[(k + n - 1) % n];
-    const bool line_before = contour_.degree(before) == 1;
-    const bool line_here = contour_.degree(here) == 1;
-    const double turn = std::abs(turns[static_cast<std::size_t>(here)]);
-    const bool is_marked =
-        std::find(options.corners.begin(), options.corners.end(), contour_.node(here)) != options.corners.end();
-    const bool corner =
-        is_marked || turn > options.corner_angle || ((line_before || line_here) && turn > options.line_angle);
-    const Point tangent = start_tangent(contour_.segment(here));
-    const bool extremum = tangent.cwiseAbs().minCoeff() < 1e-3 && !(line_before && line_here);
-    const bool implied = contour_.kind(contour_.node(here)) == PointKind::ImpliedNode;
-    nodes_[static_cast<std::size_t>(here)].is_corner = corner;
-    is_cut[k] = corner || line_before || line_here || extremum || !implied;
-    has_corner_ = has_corner_ || corner;
-    any_cut = any_cut || is_cut[k];
-  }
-  if (!any_cut) is_cut[0] = true;
-  std::size_t start = 0;
-  while (has_corner_ ? !nodes_[static_cast<std::size_t>(solid[start])].is_corner : !is_cut[start]) ++start;
-
-  std::vector<std::vector<Span>> arcs;
-  for (std::size_t step = 0; step < n; ++step) {
-    const std::size_t k = (start + step) % n;
-    if (arcs.empty() || nodes_[static_cast<std::size_t>(solid[k])].is_corner) arcs.emplace_back();
-    if (arcs.back().empty() || is_cut[k]) arcs.back().emplace_back();
-    Span& span = arcs.back().back();
-    span.segments.push_back(solid[k]);
-    span.length += arc_length_[static_cast<std::size_t>(solid[k])].length();
-    span.is_line = span.segments.size() == 1 && contour_.degree(solid[k]) == 1;
-  }
-  segment_arc_.assign(static_cast<std::size_t>(contour_.segment_count()), 0);
-  segment_offset_.assign(static_cast<std::size_t>(contour_.segment_count()), 0.0);
-  double begin = 0.0;
-  for (std::size_t a = 0; a < arcs.size(); ++a) {
-    Arc arc;
-    arc.start = begin;
-    for (const Span& span : arcs[a]) {
-      for (const int s : span.segments) {
-        arc.segments.push_back(s);
-        arc.offsets.push_back(arc.length);
-        segment_arc_[static_cast<std::size_t>(s)] = static_cast<int>(a);
-        segment_offset_[static_cast<std::size_t>(s)] = arc.length;
-        arc.length += arc_length_[static_cast<std::size_t>(s)].length();
-      }
-    }
-    begin += arc.length;
-    arcs_.push_back(std::move(arc));
-  }
-  return arcs;
-}
-
 // Builds the model with `size` control points. Returns how far it is off at a first look, at equal parameters and off
 // the tangent; infinity if the spans need more pieces than that.
-double OutlineCurve::fit(std::vector<std::vector<Span>>& arcs, int size, double tolerance) {
+double OutlineCurve::fit(int size, double tolerance) {
+  const bool has_corner = outline_.has_corner();
   constexpr double infinity = std::numeric_limits<double>::infinity();
   // Fewest pieces: a line from corner to corner 2, a line inside an arc 1, a curved span 2, an arc 4.
   std::vector<int> floor;
   std::vector<double> weights;
-  for (const auto& arc : arcs) {
+  for (const auto& [start, length, segments, offsets, spans] : outline_.arcs()) {
     const std::size_t first = floor.size();
-    for (const Span& span : arc) {
+    for (const OutlineArcs::Span& span : spans) {
       floor.push_back(span.is_line ? 1 : 2);
       weights.push_back(span.length);
     }
-    if (arc.size() == 1 && arc[0].is_line && has_corner_) {
+    if (spans.size() == 1 && spans[0].is_line && has_corner) {
       floor[first] = 2;
       continue;
     }
-    if (has_corner_) {  // the first piece at a corner is half a span long
+    if (has_corner) {  // the first piece at a corner is half a span long
       floor[first] = std::max(floor[first], 2);
       floor.back() = std::max(floor.back(), 2);
     }
@@ -276,16 +305,14 @@ double OutlineCurve::fit(std::vector<std::vector<Span>>& arcs, int size, double 
   std::vector<std::vector<bool>> knot_kept;
   std::size_t next_share = 0;
   int first = 0;
-  for (std::size_t a = 0; a < arcs.size(); ++a) {
-    Arc& arc = arcs_[a];
+  for (Arc& arc : arcs_) {
     std::vector<double> lengths;
     std::vector<int> pieces;
-    for (Span& span : arcs[a]) {
-      span.pieces = shares[next_share++];
+    for (const OutlineArcs::Span& span : outline_.arcs()[static_cast<std::size_t>(arc.index)].spans) {
       lengths.push_back(span.length);
-      pieces.push_back(span.pieces);
+      pieces.push_back(shares[next_share++]);
     }
-    const ArcLegs legs = solve_legs(lengths, pieces, !has_corner_);
+    const ArcLegs legs = solve_legs(lengths, pieces, !has_corner);
     knot_kept.push_back(legs.on_knot);
     arc.first = first;
     arc.size = static_cast<int>(legs.coefficients.size());
@@ -297,25 +324,27 @@ double OutlineCurve::fit(std::vector<std::vector<Span>>& arcs, int size, double 
     control_points_.row(wrapped(i, size)) = where;
     pinned[static_cast<std::size_t>(wrapped(i, size))] = true;
   };
-  for (std::size_t a = 0; a < arcs.size(); ++a) {
-    const Arc& arc = arcs_[a];
+  next_share = 0;
+  for (const Arc& arc : arcs_) {
+    const OutlineArcs::Arc& own = outline_.arcs()[static_cast<std::size_t>(arc.index)];
     int local = 0;
-    for (const Span& span : arcs[a]) {
+    for (const OutlineArcs::Span& span : own.spans) {
+      const int pieces = shares[next_share++];
       if (span.is_line) {  // its control points, and the one beyond each smooth end, on the line
-        const Bezier line = contour_.segment(span.segments[0]);
+        const Bezier line = contour().segment(span.segments[0]);
         const Point direction = (line.p[1] - line.p[0]) / span.length;
-        const double offset = segment_offset_[static_cast<std::size_t>(span.segments[0])];
-        for (int k = local - 1; k <= local + span.pieces; ++k) {
-          if (has_corner_ && (k < 0 || k >= arc.size)) continue;
+        const double offset = outline_.offset_of(span.segments[0]);
+        for (int k = local - 1; k <= local + pieces; ++k) {
+          if (has_corner && (k < 0 || k >= arc.size)) continue;
           pin(arc.first + wrapped(k, arc.size), line.p[0] + (coefficient(arc, k) - offset) * direction);
         }
       }
-      local += span.pieces;
+      local += pieces;
     }
-    if (has_corner_) {
+    if (has_corner) {
       corner_pairs_.push_back(wrapped(arc.first - 1, size));
-      pin(arc.first, contour_.segment(arc.segments.front()).start());
-      pin(arc.first + arc.size - 1, contour_.segment(arc.segments.back()).end());
+      pin(arc.first, contour().segment(own.segments.front()).start());
+      pin(arc.first + arc.size - 1, contour().segment(own.segments.back()).end());
     }
   }
   std::sort(corner_pairs_.begin(), corner_pairs_.end());
@@ -333,8 +362,8 @@ double OutlineCurve::fit(std::vector<std::vector<Span>>& arcs, int size, double 
   for (const Arc& arc : arcs_) {
     for (int k = 0; k < arc.size * samples_per_piece; ++k) {
       const double t = arc.first - 0.5 + (k + 0.5) / samples_per_piece;
-      const Location at = locate_in(arc, arc_length_in(arc, t));
-      samples.row(arc.first * samples_per_piece + k) = evaluate(contour_.segment(at.segment), at.u);
+      const Location at = outline_.locate(arc.index, arc_length_in(arc, t));
+      samples.row(arc.first * samples_per_piece + k) = evaluate(contour().segment(at.segment), at.u);
     }
   }
   // Sample row block i covers t in [i - 1/2, i + 1/2]: piece i.
@@ -369,7 +398,7 @@ double OutlineCurve::fit(std::vector<std::vector<Span>>& arcs, int size, double 
         control_points_.row(i) = solved.row(column[static_cast<std::size_t>(i)]);
     }
   }
-  place_nodes(arcs, knot_kept);
+  place_nodes(shares, knot_kept);
 
   double worst = 0.0;
   for (int i = 0; i < size; ++i) {
@@ -389,35 +418,34 @@ double OutlineCurve::fit(std::vector<std::vector<Span>>& arcs, int size, double 
   return worst;
 }
 
-void OutlineCurve::place_nodes(const std::vector<std::vector<Span>>& arcs,
-                               const std::vector<std::vector<bool>>& knot_kept) {
-  for (std::size_t a = 0; a < arcs.size(); ++a) {
+void OutlineCurve::place_nodes(const std::vector<int>& pieces, const std::vector<std::vector<bool>>& knot_kept) {
+  nodes_.assign(static_cast<std::size_t>(contour().segment_count()), Node{});
+  std::size_t next = 0;
+  for (const Arc& arc : arcs_) {
+    const auto a = static_cast<std::size_t>(arc.index);
+    const std::vector<OutlineArcs::Span>& spans = outline_.arcs()[a].spans;
     int local = 0;
-    for (std::size_t k = 0; k < arcs[a].size(); ++k) {
-      const Span& span = arcs[a][k];
-      for (const int s : span.segments) {
+    for (std::size_t k = 0; k < spans.size(); ++k) {
+      for (const int s : spans[k].segments) {
         Node& node = nodes_[static_cast<std::size_t>(s)];
-        node.is_knot = s == span.segments[0] && knot_kept[a][k];
-        node.t = node.is_knot ? arcs_[a].first - 0.5 + local
-                              : parameter_in(arcs_[a], segment_offset_[static_cast<std::size_t>(s)]);
+        node.is_corner = outline_.is_corner(s);
+        node.is_knot = s == spans[k].segments[0] && knot_kept[a][k];
+        node.t = node.is_knot ? arc.first - 0.5 + local : parameter_in(arc, outline_.offset_of(s));
       }
-      local += span.pieces;
+      local += pieces[next++];
     }
   }
   // A segment of no length starts where the next one with length does.
-  const int n = contour_.segment_count();
+  const int n = contour().segment_count();
   for (int s = n - 1, seen = 0; seen < 2 * n; s = (s + n - 1) % n, ++seen) {
-    if (arc_length_[static_cast<std::size_t>(s)].length() > 0.0) continue;
-    const int next = (s + 1) % n;
-    nodes_[static_cast<std::size_t>(s)] = nodes_[static_cast<std::size_t>(next)];
-    segment_arc_[static_cast<std::size_t>(s)] = segment_arc_[static_cast<std::size_t>(next)];
-    segment_offset_[static_cast<std::size_t>(s)] = segment_offset_[static_cast<std::size_t>(next)];
+    if (outline_.along(s).length() == 0.0)
+      nodes_[static_cast<std::size_t>(s)] = nodes_[static_cast<std::size_t>((s + 1) % n)];
   }
 }
 
 // Arc-length coefficient k of an arc, beyond its ends too: repeated at a corner, carried on round a closed arc.
 double OutlineCurve::coefficient(const Arc& arc, int k) const {
-  if (has_corner_) return arc_length_coefficients_[arc.first + std::clamp(k, 0, arc.size - 1)];
+  if (outline_.has_corner()) return arc_length_coefficients_[arc.first + std::clamp(k, 0, arc.size - 1)];
   const int turn = k < 0 ? -1 : k >= arc.size ? 1 : 0;
   return arc_length_coefficients_[arc.first + k - turn * arc.size] + turn * arc.length;
 }
@@ -448,14 +476,6 @@ double OutlineCurve::parameter_in(const Arc& arc, double s) const {
   return arc.first - 0.5 + low + u;
 }
 
-OutlineCurve::Location OutlineCurve::locate_in(const Arc& arc, double s) const {
-  if (!has_corner_) s -= std::floor(s / arc.length) * arc.length;
-  const auto above = std::upper_bound(arc.offsets.begin(), arc.offsets.end(), s);
-  const auto k = static_cast<std::size_t>(std::max<std::ptrdiff_t>(0, above - arc.offsets.begin() - 1));
-  const int segment = arc.segments[k];
-  return {segment, arc_length_[static_cast<std::size_t>(segment)].inverse(s - arc.offsets[k])};
-}
-
 const OutlineCurve::Arc& OutlineCurve::arc_at(double t) const {
   const auto after =
       std::upper_bound(arcs_.begin(), arcs_.end(), t, [](double x, const Arc& arc) { return x < arc.first - 0.5; });
@@ -471,51 +491,52 @@ double into_period(double t, int n) { return t - std::floor((t + 0.5) / n) * n; 
 double OutlineCurve::parameter(int segment, double u) const {
   const auto s = static_cast<std::size_t>(segment);
   if (u <= 0.0) return into_period(nodes_[s].t, size());
-  if (u >= 1.0) return into_period(nodes_[static_cast<std::size_t>(contour_.next(segment))].t, size());
-  const Arc& arc = arcs_[static_cast<std::size_t>(segment_arc_[s])];
-  return into_period(parameter_in(arc, segment_offset_[s] + arc_length_[s].at(u)), size());
+  if (u >= 1.0) return into_period(nodes_[static_cast<std::size_t>(contour().next(segment))].t, size());
+  const Arc& arc = arcs_[static_cast<std::size_t>(outline_.arc_of(segment))];
+  return into_period(parameter_in(arc, outline_.offset_of(segment) + outline_.along(segment).at(u)), size());
 }
 
 OutlineCurve::Location OutlineCurve::locate(double t) const {
   t = into_period(t, size());
   const Arc& arc = arc_at(t);
-  return locate_in(arc, arc_length_in(arc, t));
+  return outline_.locate(arc.index, arc_length_in(arc, t));
 }
 
 Point OutlineCurve::outline_at(double t) const {
   const Location at = locate(t);
-  return evaluate(contour_.segment(at.segment), at.u);
+  return evaluate(contour().segment(at.segment), at.u);
 }
 
 Point OutlineCurve::spline_at(double t) const { return evaluate(Scheme::Chaikin, control_points_, t).transpose(); }
 
 std::vector<OutlineCurve::ArcRange> OutlineCurve::arcs() const {
   std::vector<ArcRange> ranges;
-  for (const Arc& arc : arcs_) ranges.push_back({arc.first, arc.size, arc.segments[0], arc.start, arc.length});
+  for (const Arc& arc : arcs_) {
+    const int segment = outline_.arcs()[static_cast<std::size_t>(arc.index)].segments[0];
+    ranges.push_back({arc.first, arc.size, segment, arc.start, arc.length});
+  }
   return ranges;
 }
 
-OutlineCurve::Location OutlineCurve::locate_length(double s) const {
-  s -= std::floor(s / length_) * length_;
-  const auto after =
-      std::upper_bound(arcs_.begin(), arcs_.end(), s, [](double x, const Arc& arc) { return x < arc.start; });
-  const Arc& arc = *(after - 1);
-  return locate_in(arc, std::min(s - arc.start, arc.length));
+std::pair<int, double> OutlineCurve::along(double t) const {
+  t = into_period(t, size());
+  const Arc& arc = arc_at(t);
+  return {arc.index, arc_length_in(arc, t)};
 }
 
 double OutlineCurve::arc_length(double t0, double t1) const {
   const auto from_start = [&](double t) {
     const double within = into_period(t, size());
     const Arc& arc = arc_at(within);
-    return std::round((t - within) / size()) * length_ + arc.start + arc_length_in(arc, within);
+    return std::round((t - within) / size()) * length() + arc.start + arc_length_in(arc, within);
   };
   return from_start(t1) - from_start(t0);
 }
 
 double OutlineCurve::measure_distance(double tolerance) const {
-  const double step = std::max(sample_spacing * tolerance, length_ / most_samples);
+  const double step = std::max(sample_spacing * tolerance, length() / most_samples);
   const int n = size();
-  const int per_piece = std::max(4, static_cast<int>(std::ceil(1.2 * length_ / step / n)));
+  const int per_piece = std::max(4, static_cast<int>(std::ceil(1.2 * length() / step / n)));
   Points spline(n * per_piece, 2);
   for (int k = 0; k < per_piece; ++k) {
     const Eigen::Vector3d weight = spline_weights(static_cast<double>(k) / per_piece);
@@ -525,7 +546,7 @@ double OutlineCurve::measure_distance(double tolerance) const {
                                       weight[2] * control_points_.row(i + 1 == n ? 0 : i + 1);
     }
   }
-  return two_sided_distance(to_polyline(contour_, step), spline, tolerance);
+  return two_sided_distance(to_polyline(contour(), step), spline, tolerance);
 }
 
 }  // namespace fontcore

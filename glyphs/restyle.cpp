@@ -25,12 +25,9 @@ using fontcore::Point;
 using fontcore::text;
 using Contours = std::vector<BezierContour>;
 
-constexpr int usual_points = 64;            // of a model, at least
-constexpr int most_points = 1024;           // that a step may ask for
-constexpr double points_per_feature = 8.0;  // of the length of a rounded corner
-constexpr double least_handle = 2.0;        // units: shorter ones have no direction in whole numbers
-constexpr double bisection_width = 0.01;    // of the amount
-constexpr double worth_a_note = 5e-4;       // area error after rounding, relative
+constexpr double least_handle = 2.0;      // units: shorter ones have no direction in whole numbers
+constexpr double bisection_width = 0.01;  // of the amount
+constexpr double worth_a_note = 5e-4;     // area error after rounding, relative
 
 // A step of the recipe as it applies to one glyph, in font units.
 struct PlacedStep {
@@ -232,16 +229,6 @@ class GlyphEditor {
     return recipe_.keep.corners ? fontcore::Corners::Keep : fontcore::Corners::Round;
   }
 
-  // How many control points a step's displacement needs: a rounded corner is a feature as long as its scale.
-  int fewest_points(const Step& step, const BezierContour& contour) const {
-    const auto* const smooth = std::get_if<SmoothStep>(&step);
-    const auto* const equalize = std::get_if<EqualizeStep>(&step);
-    if (corners() == fontcore::Corners::Keep || (smooth == nullptr && equalize == nullptr)) return usual_points;
-    const double scale = smooth != nullptr ? smooth->scale : equalize->bands.front().scale;
-    const double wanted = points_per_feature * length(contour) / scale;
-    return static_cast<int>(std::clamp<double>(wanted, usual_points, most_points));
-  }
-
   // The points of a contour as it stands that the source marks as corners.
   std::vector<int> marked_corners(std::size_t index) const {
     std::vector<int> corners;
@@ -259,18 +246,13 @@ class GlyphEditor {
   }
 
   // The model of a contour; of one that no step has touched yet it is made once for all amounts.
-  fontcore::OutlineCurve curve_of(int index, const BezierContour& contour, int fewest) {
+  fontcore::OutlineCurve curve_of(int index, const BezierContour& contour) {
     auto& known = curves_[static_cast<std::size_t>(index)];
-    if (known && known->size() >= fewest && contour == known->contour()) return *known;
-    try {
-      fontcore::OutlineCurve curve(contour, {.tolerance = model_tolerance * font_.units_per_em,
-                                             .fewest = fewest,
-                                             .corners = marked_corners(static_cast<std::size_t>(index))});
-      if (!known) known = curve;
-      return curve;
-    } catch (const fontcore::InvalidInput& error) {
-      throw Refusal{text("contour ", index, ": ", error.what())};
-    }
+    if (known && contour == known->contour()) return *known;
+    fontcore::OutlineCurve curve(contour, {.tolerance = model_tolerance * font_.units_per_em,
+                                           .corners = marked_corners(static_cast<std::size_t>(index))});
+    if (!known) known = curve;
+    return curve;
   }
 
   // The wish of a sweep, and what the report says of it.
@@ -300,27 +282,25 @@ class GlyphEditor {
     report.op = "sweep";
     report.level = sweep.level;
   }
-  void wish(const SmoothStep& step, double amount, const fontcore::OutlineCurve& curve, fontcore::StructureEdit& edit,
-            StepReport& report) const {
-    const fontcore::Smoothing smoothing = fontcore::smooth(curve, step.scale, step.by, corners());
-    edit.field = amount * smoothing.field;
-    edit.breadth = step.scale;
+  // What works arc by arc needs no model.
+  fontcore::ArcSmoothing smoothing(const Step& step, const fontcore::OutlineArcs& outline,
+                                   fontcore::StructureEdit& edit, StepReport& report) const {
+    const fontcore::ArcwiseOptions options{.tolerance = model_tolerance * font_.units_per_em, .corners = corners()};
+    if (const auto* const equalize = std::get_if<EqualizeStep>(&step)) {
+      edit.breadth = equalize->bands.back().scale;
+      report.op = "equalize";
+      return equalize_arcs(outline, equalize->bands, fontcore::SmoothBy::Energy, options);
+    }
+    const auto& smooth = std::get<SmoothStep>(step);
+    edit.breadth = smooth.scale;
     report.op = "smooth";
-    report.energy_before = std::accumulate(smoothing.energy_before.begin(), smoothing.energy_before.end(), 0.0);
-    report.energy_after = std::accumulate(smoothing.energy_after.begin(), smoothing.energy_after.end(), 0.0);
+    return smooth_arcs(outline, smooth.scale, smooth.by, options);
   }
 
-  void wish(const EqualizeStep& step, double amount, const fontcore::OutlineCurve& curve, fontcore::StructureEdit& edit,
-            StepReport& report) const {
-    edit.field = amount * fontcore::equalize(curve, step.bands, fontcore::SmoothBy::Energy, corners());
-    edit.breadth = step.bands.back().scale;
-    report.op = "equalize";
-  }
-
-  static void hold_corners(const fontcore::OutlineCurve& curve, fontcore::StructureEdit& edit) {
-    for (int s = 0; s < curve.contour().segment_count(); ++s) {
-      if (!curve.nodes()[static_cast<std::size_t>(s)].is_corner) continue;
-      const fontcore::Rows rows = fontcore::rows(curve.contour(), fontcore::FrozenPoint{curve.contour().node(s)});
+  static void hold_corners(const fontcore::OutlineArcs& outline, fontcore::StructureEdit& edit) {
+    for (int s = 0; s < outline.contour().segment_count(); ++s) {
+      if (!outline.is_corner(s)) continue;
+      const fontcore::Rows rows = fontcore::rows(outline.contour(), fontcore::FrozenPoint{outline.contour().node(s)});
       edit.rows.insert(edit.rows.end(), rows.begin(), rows.end());
     }
   }
@@ -401,31 +381,22 @@ class GlyphEditor {
       handles.clear();  // their segments have other numbers now, and their places are part of the outline that is kept
       return soften(*step, placed.contour, amount, contour);
     }
-    const fontcore::OutlineCurve curve = curve_of(placed.contour, contour, fewest_points(placed.step, contour));
     StepReport report;
     report.contour = placed.contour;
-    report.levels = curve.levels();
     fontcore::StructureEdit edit;
-    std::visit(
-        [&](const auto& step) {
-          if constexpr (!std::is_same_v<decltype(step), const SoftenStep&>) wish(step, amount, curve, edit, report);
-        },
-        placed.step);
-    if (edit.field.isZero(0.0)) return report;
     edit.rules = rules_of(static_cast<std::size_t>(placed.contour));
     const Reference& reference = references_[static_cast<std::size_t>(placed.contour)];
     edit.rows = reference.frozen;
     // Every step gives its own area back, so glyph and contour ask the same of it; they differ in rounding.
     if (recipe_.keep.area != KeepArea::None) edit.area = signed_area(reference.contour);
     if (recipe_.keep.length) edit.length = length(reference.contour);
-    // What works arc by arc keeps corners to the last bit, unless they alone could give the area back.
-    const bool holds_corners = report.op != "sweep" && corners() == fontcore::Corners::Keep;
-    fontcore::StructureEdit held = edit;
-    if (holds_corners) hold_corners(curve, held);
-    fontcore::StructureFit fit = fontcore::refit_structure(curve, held);
-    if (holds_corners && !fit.report.failed.empty()) {
-      report.against.push_back("area: with corners held, " + fit.report.failed);
-      fit = fontcore::refit_structure(curve, edit);
+    fontcore::StructureFit fit;
+    try {
+      const auto* const sweep = std::get_if<SweepStep>(&placed.step);
+      fit = sweep != nullptr ? swept(*sweep, amount, contour, edit, report)
+                             : smoothed(placed.step, amount, contour, edit, report);
+    } catch (const fontcore::InvalidInput& error) {
+      throw Refusal{text("contour ", placed.contour, ": ", error.what())};
     }
     if (!fit.report.failed.empty()) throw Refusal{text("contour ", placed.contour, ": ", fit.report.failed)};
     for (std::size_t k = 0; k < fit.got.size(); ++k) report.handles[k].got = fit.got[k];
@@ -442,6 +413,39 @@ class GlyphEditor {
       for (const auto& handle : edit.handles) handles.push_back(handle.at);
     }
     return report;
+  }
+
+  fontcore::StructureFit swept(const SweepStep& step, double amount, const BezierContour& contour,
+                               fontcore::StructureEdit& edit, StepReport& report) {
+    const fontcore::OutlineCurve curve = curve_of(report.contour, contour);
+    report.levels = curve.levels();
+    wish(step, amount, curve, edit, report);
+    if (edit.field.isZero(0.0)) {
+      edit.handles.clear();
+      return {contour, {}, {}, {}, 0.0};
+    }
+    return fontcore::refit_structure(curve, edit);
+  }
+
+  fontcore::StructureFit smoothed(const Step& step, double amount, const BezierContour& contour,
+                                  fontcore::StructureEdit& edit, StepReport& report) const {
+    const fontcore::OutlineArcs outline(contour, {.corners = marked_corners(static_cast<std::size_t>(report.contour))});
+    const fontcore::ArcSmoothing made = smoothing(step, outline, edit, report);
+    report.levels = made.levels;
+    report.energy_before = made.energy_before;
+    report.energy_after = made.energy_after;
+    if (made.field.is_zero()) return {contour, {}, {}, {}, 0.0};
+    const auto wish = [&](int segment, double, double s) -> Point {
+      return amount * made.field.at(outline, outline.arc_of(segment), outline.offset_of(segment) + s);
+    };
+    if (corners() == fontcore::Corners::Round) return refit_structure(outline, wish, edit);
+    // Corners are kept to the last bit, unless they alone could give the area back.
+    fontcore::StructureEdit held = edit;
+    hold_corners(outline, held);
+    fontcore::StructureFit fit = refit_structure(outline, wish, held);
+    if (fit.report.failed.empty()) return fit;
+    report.against.push_back("area: with corners held, " + fit.report.failed);
+    return refit_structure(outline, wish, edit);
   }
 
   Contours rounded(Attempt& attempt, const std::vector<std::vector<fontcore::OutlineCurve::Location>>& handles) const {

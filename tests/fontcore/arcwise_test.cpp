@@ -189,7 +189,7 @@ TEST_CASE("arcs lie on the outline within the tolerance, and meet at its corners
     }
   }
   for (double s = 0.0; s < letter().length(); s += 13.7) {
-    const auto [segment, u] = letter().locate_length(s);
+    const auto [segment, u] = letter().outline().locate(s);
     CHECK((arcs.evaluate(s) - evaluate(letter().contour().segment(segment), u)).norm() <= 0.5);
   }
 }
@@ -236,7 +236,7 @@ TEST_CASE("the arcwise view works with each open and each closed scheme, and ref
        {Scheme::EndpointQuadratic, Scheme::EndpointCubic, Scheme::HeldQuadratic, Scheme::HeldCubic}) {
     const ArcwiseCurve arcs(letter(), {.tolerance = 0.5, .open = scheme});
     for (double s = 1.0; s < letter().length(); s += 31.0) {
-      const auto [segment, u] = letter().locate_length(s);
+      const auto [segment, u] = letter().outline().locate(s);
       CHECK((arcs.evaluate(s) - evaluate(letter().contour().segment(segment), u)).norm() <= 0.5);
     }
   }
