@@ -89,33 +89,39 @@ void require_finite(const Points& points) {
 
 }  // namespace
 
-BezierContour::BezierContour(Points points, std::vector<PointKind> kinds)
-    : points_(std::move(points)), kinds_(std::move(kinds)) {
-  const int n = static_cast<int>(kinds_.size());
+const BezierContour::Structure BezierContour::empty;
+
+BezierContour::BezierContour(Points points, std::vector<PointKind> kinds) : points_(std::move(points)) {
+  const int n = static_cast<int>(kinds.size());
   if (n == 0 || points_.rows() != n) {
     throw InvalidInput(text("BezierContour: ", points_.rows(), " points but ", n, " kinds"));
   }
   require_finite(points_);
+  Structure made{std::move(kinds), {}, {}};
+  const auto kind_of = [&](int i) { return made.kinds[static_cast<std::size_t>(i)]; };
+  std::vector<int>& first = made.first;
   for (int i = 0; i < n; ++i) {
-    if (is_node(kind(i))) first_.push_back(i);
+    if (is_node(kind_of(i))) first.push_back(i);
   }
-  if (first_.empty()) throw InvalidInput(text("BezierContour: no node among ", n, " points"));
-  for (std::size_t s = 0; s < first_.size(); ++s) {
-    const int from = first_[s];
-    const int to = s + 1 < first_.size() ? first_[s + 1] : first_[0] + n;
+  if (first.empty()) throw InvalidInput(text("BezierContour: no node among ", n, " points"));
+  made.degree.reserve(first.size());
+  for (std::size_t s = 0; s < first.size(); ++s) {
+    const int from = first[s];
+    const int to = s + 1 < first.size() ? first[s + 1] : first[0] + n;
     const int degree = to - from;
     bool fits = degree <= 3;
     for (int k = from + 1; fits && k < to; ++k)
-      fits = kind(k % n) == (degree == 2 ? PointKind::Quadratic : PointKind::Cubic);
+      fits = kind_of(k % n) == (degree == 2 ? PointKind::Quadratic : PointKind::Cubic);
     if (!fits)
       throw InvalidInput(text("BezierContour: ", degree - 1, " handles after point ", from, " form no segment"));
-    degree_.push_back(degree);
+    made.degree.push_back(degree);
   }
+  structure_ = std::make_shared<const Structure>(std::move(made));
 }
 
 int BezierContour::point_of(int segment, int k) const {
   const int index = node(segment) + k;
-  const int n = static_cast<int>(kinds_.size());
+  const int n = static_cast<int>(kinds().size());
   return index < n ? index : index - n;
 }
 
@@ -131,8 +137,9 @@ BezierContour BezierContour::with_points(Points points) const {
     throw InvalidInput(text("with_points: ", points.rows(), " points for a contour of ", points_.rows()));
   }
   require_finite(points);
-  BezierContour moved = *this;
+  BezierContour moved;
   moved.points_ = std::move(points);
+  moved.structure_ = structure_;
   return moved;
 }
 
@@ -141,12 +148,16 @@ void BezierContour::set_point(int index, const Point& to) {
   points_.row(index) = to.transpose();
 }
 
+bool has_same_structure(const BezierContour& a, const BezierContour& b) {
+  return a.structure_ == b.structure_ || a.kinds() == b.kinds();
+}
+
 bool operator==(const BezierContour& a, const BezierContour& b) {
-  return a.kinds() == b.kinds() && a.points() == b.points();
+  return has_same_structure(a, b) && a.points() == b.points();
 }
 
 int equal_segments(const BezierContour& a, const BezierContour& b) {
-  if (a.kinds() != b.kinds()) throw InvalidInput("equal_segments: the contours differ in structure");
+  if (!has_same_structure(a, b)) throw InvalidInput("equal_segments: the contours differ in structure");
   int equal = 0;
   for (int s = 0; s < a.segment_count(); ++s) {
     bool same = true;

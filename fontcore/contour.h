@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 namespace fontcore {
@@ -60,17 +61,17 @@ class BezierContour {
   BezierContour(Points points, std::vector<PointKind> kinds);
 
   const Points& points() const { return points_; }
-  const std::vector<PointKind>& kinds() const { return kinds_; }
+  const std::vector<PointKind>& kinds() const { return structure().kinds; }
   Eigen::Index point_count() const { return points_.rows(); }
   Point point(int index) const { return points_.row(index).transpose(); }
-  PointKind kind(int index) const { return kinds_[static_cast<std::size_t>(index)]; }
+  PointKind kind(int index) const { return kinds()[static_cast<std::size_t>(index)]; }
 
-  int segment_count() const { return static_cast<int>(first_.size()); }
-  int degree(int segment) const { return degree_[static_cast<std::size_t>(segment)]; }
+  int segment_count() const { return static_cast<int>(structure().first.size()); }
+  int degree(int segment) const { return structure().degree[static_cast<std::size_t>(segment)]; }
   /// Index of control point k (0 to degree) of a segment; the last is the first of the next segment.
   int point_of(int segment, int k) const;
   /// The start node of a segment.
-  int node(int segment) const { return first_[static_cast<std::size_t>(segment)]; }
+  int node(int segment) const { return structure().first[static_cast<std::size_t>(segment)]; }
   Bezier segment(int index) const;
   int previous(int segment) const { return segment == 0 ? segment_count() - 1 : segment - 1; }
   int next(int segment) const { return segment + 1 == segment_count() ? 0 : segment + 1; }
@@ -81,12 +82,23 @@ class BezierContour {
   /// Throws  InvalidInput if a coordinate is not finite.
   void set_point(int index, const Point& to);
 
+  friend bool has_same_structure(const BezierContour& a, const BezierContour& b);
+
  private:
+  struct Structure {
+    std::vector<PointKind> kinds;
+    std::vector<int> first;   // start node of every segment
+    std::vector<int> degree;  // degree of every segment
+  };
+  static const Structure empty;
+  const Structure& structure() const { return structure_ ? *structure_ : empty; }
+
   Points points_;
-  std::vector<PointKind> kinds_;
-  std::vector<int> first_;   // start node of every segment
-  std::vector<int> degree_;  // degree of every segment
+  std::shared_ptr<const Structure> structure_;  // never changed: contours moved from one another share it
 };
+
+/// Whether two contours have the same kinds of points in the same order.
+bool has_same_structure(const BezierContour& a, const BezierContour& b);
 
 /// Bit for bit the same points and kinds.
 bool operator==(const BezierContour& a, const BezierContour& b);
