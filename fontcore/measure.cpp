@@ -297,18 +297,22 @@ class SegmentGrid {
     for_each_cell([&](std::size_t cell, int segment) { segment_[static_cast<std::size_t>(next[cell]++)] = segment; });
   }
 
-  /// Distance of a point from the polyline: rings of cells outward until no nearer one can come.
-  double distance(const Point& p) const {
+  struct Nearest {
+    int segment;
+    double squared_distance;
+  };
+  /// What of the polyline is nearest to a point: rings of cells outward until no nearer one can come.
+  Nearest nearest(const Point& p) const {
     const int cx = column(p.x());
     const int cy = row(p.y());
     const Point corner = box_.low + cell_ * Point(cx, cy);
     const double margin =
         std::min((p - corner).minCoeff(), (corner - p).minCoeff() + cell_);  // to the border of the cell
-    double best = std::numeric_limits<double>::infinity();
+    Nearest best{0, std::numeric_limits<double>::infinity()};
     for (int ring = 0; ring <= columns_ + rows_; ++ring) {
       // A segment not yet seen has no point in the cells of the smaller rings.
       const double reached = ring == 0 ? 0.0 : (ring - 1) * cell_ + margin;
-      if (reached > 0.0 && best <= reached * reached) break;
+      if (reached > 0.0 && best.squared_distance <= reached * reached) break;
       for (int y = cy - ring; y <= cy + ring; ++y) {
         if (y < 0 || y >= rows_) continue;
         const bool edge = y == cy - ring || y == cy + ring;
@@ -316,13 +320,18 @@ class SegmentGrid {
           if (x < 0 || x >= columns_) continue;
           const auto cell = static_cast<std::size_t>(y * columns_ + x);
           for (int k = first_[cell]; k < first_[cell + 1]; ++k) {
-            const auto [a, b] = ends(segment_[static_cast<std::size_t>(k)]);
-            best = std::min(best, squared_distance_to_segment(p, a, b));
+            const int segment = segment_[static_cast<std::size_t>(k)];
+            const double here = squared_distance(p, segment);
+            if (here < best.squared_distance) best = {segment, here};
           }
         }
       }
     }
-    return std::sqrt(best);
+    return best;
+  }
+  double squared_distance(const Point& p, int segment) const {
+    const auto [a, b] = ends(segment);
+    return squared_distance_to_segment(p, a, b);
   }
 
  private:
@@ -351,11 +360,25 @@ class SegmentGrid {
 
 double one_sided_distance(const Points& from, const Points& to, double give_up_above) {
   const SegmentGrid grid(to);
+  const int n = static_cast<int>(to.rows());
   double worst = 0.0;
-  for (Eigen::Index i = 0; i < from.rows() && worst <= give_up_above; ++i) {
-    worst = std::max(worst, grid.distance(from.row(i).transpose()));
+  SegmentGrid::Nearest near{0, 0.0};
+  for (Eigen::Index i = 0; i < from.rows(); ++i) {
+    const Point p = from.row(i).transpose();
+    // One that is no farther off than the worst needs no search: mostly, where the point before was nearest says so.
+    bool is_near = false;
+    constexpr int beside = 3;
+    for (int k = 0; k <= 2 * beside && !is_near; ++k) {
+      const int segment = ((near.segment + (k % 2 == 0 ? k / 2 : -(k + 1) / 2)) % n + n) % n;
+      is_near = grid.squared_distance(p, segment) <= worst;
+      if (is_near) near.segment = segment;
+    }
+    if (is_near) continue;
+    near = grid.nearest(p);
+    worst = std::max(worst, near.squared_distance);
+    if (std::sqrt(worst) > give_up_above) break;
   }
-  return worst;
+  return std::sqrt(worst);
 }
 
 }  // namespace
@@ -412,7 +435,7 @@ double one_sided_distance(const BezierContour& from, const BezierContour& to) {
 }  // namespace
 
 double two_sided_distance(const BezierContour& a, const BezierContour& b) {
-  if (a.kinds() != b.kinds()) throw InvalidInput("two_sided_distance: the contours differ in structure");
+  if (!has_same_structure(a, b)) throw InvalidInput("two_sided_distance: the contours differ in structure");
   return std::max(one_sided_distance(a, b), one_sided_distance(b, a));
 }
 
