@@ -254,6 +254,25 @@ std::array<double, 4> polar_weights(int p, Index spans, Index e, std::span<const
   return points[static_cast<std::size_t>(p)];
 }
 
+// The same at p equal arguments: the basis functions, by rising degree.
+std::array<double, 4> open_basis(int p, Index spans, Index e, double t) {
+  std::array<double, 4> weight{1.0, 0.0, 0.0, 0.0};
+  std::array<double, 4> before{};  // from knots to the left of the span
+  std::array<double, 4> after{};
+  for (std::size_t r = 1; r <= static_cast<std::size_t>(p); ++r) {
+    before[r] = t - static_cast<double>(std::max<Index>(e + 1 - static_cast<Index>(r), 0));
+    after[r] = static_cast<double>(std::min<Index>(e + static_cast<Index>(r), spans)) - t;
+    double rest = 0.0;
+    for (std::size_t k = 0; k < r; ++k) {
+      const double share = weight[k] / (after[k + 1] + before[r - k]);
+      weight[k] = rest + after[k + 1] * share;
+      rest = before[r - k] * share;
+    }
+    weight[r] = rest;
+  }
+  return weight;
+}
+
 // The form on control points e .. e + p over span e.
 Eigen::MatrixXd make_span_form(const Eigen::MatrixXd& bernstein, int p, Index spans, Index e) {
   Eigen::MatrixXd to_bezier(p + 1, p + 1);
@@ -716,7 +735,7 @@ BasisRow basis_row(Scheme scheme, Index size, double t) {
   }
   const Index spans = size - p;
   const Index span = static_cast<Index>(std::clamp(std::floor(t), 0.0, static_cast<double>(spans - 1)));
-  row.weight = polar_weights(p, spans, span, std::array{t, t, t});
+  row.weight = open_basis(p, spans, span, t);
   for (int k = 0; k <= p; ++k) row.index[static_cast<std::size_t>(k)] = span + k;
   return row;
 }
