@@ -38,6 +38,33 @@ struct WishSystem {
   std::vector<Sample> samples;
 };
 
+// Bernstein weights in the middle of every sample's stretch, and what they gain over it.
+struct SampleWeights {
+  std::array<double, samples_per_segment> u;  // in the middle
+  std::array<double, samples_per_segment> end;
+  std::array<std::array<double, 4>, samples_per_segment> weight;
+  std::array<std::array<double, 4>, samples_per_segment> change;
+};
+
+const SampleWeights& sample_weights(int degree) {
+  const auto make = [](int of_degree) {
+    SampleWeights samples{};
+    for (std::size_t k = 0; k < samples_per_segment; ++k) {
+      const double u0 = static_cast<double>(k) / samples_per_segment;
+      const double u1 = static_cast<double>(k + 1) / samples_per_segment;
+      samples.u[k] = 0.5 * (u0 + u1);
+      samples.end[k] = u1;
+      samples.weight[k] = bernstein(of_degree, samples.u[k]);
+      const auto from = bernstein(of_degree, u0);
+      samples.change[k] = bernstein(of_degree, u1);
+      for (std::size_t a = 0; a < from.size(); ++a) samples.change[k][a] -= from[a];
+    }
+    return samples;
+  };
+  static const std::array<SampleWeights, 3> made = {make(1), make(2), make(3)};
+  return made[static_cast<std::size_t>(degree - 1)];
+}
+
 WishSystem wish_system(const OutlineArcs& outline, const Wish& wish, const StructureEdit& edit,
                        const std::vector<bool>& released) {
   const BezierContour& contour = outline.contour();
@@ -61,22 +88,16 @@ WishSystem wish_system(const OutlineArcs& outline, const Wish& wish, const Struc
     };
     Point before = wish(s, 0.0, 0.0);
     double s0 = 0.0;
-    for (int k = 0; k < samples_per_segment; ++k) {
-      const double u0 = static_cast<double>(k) / samples_per_segment;
-      const double u1 = static_cast<double>(k + 1) / samples_per_segment;
-      const double u = 0.5 * (u0 + u1);
-      const auto weight = bernstein(contour.degree(s), u);
-      const Point value = wish(s, u, along.at(u));
-      ask(weight, along.length() / samples_per_segment, value);
-      system.samples.push_back({s, weight, value});
+    const SampleWeights& samples = sample_weights(contour.degree(s));
+    for (std::size_t k = 0; k < samples_per_segment; ++k) {
+      const Point value = wish(s, samples.u[k], along.at(samples.u[k]));
+      ask(samples.weight[k], along.length() / samples_per_segment, value);
+      system.samples.push_back({s, samples.weight[k], value});
       // The change of the displacement over the sample's stretch, as the wish has it.
-      const auto from = bernstein(contour.degree(s), u0);
-      auto change = bernstein(contour.degree(s), u1);
-      for (std::size_t a = 0; a < change.size(); ++a) change[a] -= from[a];
-      const double s1 = along.at(u1);
-      const Point after = wish(s, u1, s1);
+      const double s1 = along.at(samples.end[k]);
+      const Point after = wish(s, samples.end[k], s1);
       const double stretch = std::max(s1 - s0, shortest_stretch * along.length());
-      ask(change, stiff * stiff / stretch, after - before);
+      ask(samples.change[k], stiff * stiff / stretch, after - before);
       before = after;
       s0 = s1;
     }
@@ -753,7 +774,7 @@ class WholeNumbers {
 
 Rounding round_keeping_area(const BezierContour& edited, const BezierContour& original, const OutlineRules& rules,
                             const RoundingGoal& goal) {
-  if (edited.kinds() != original.kinds()) throw InvalidInput("round_keeping_area: the contours differ in structure");
+  if (!has_same_structure(edited, original)) throw InvalidInput("round_keeping_area: the contours differ in structure");
   if (!goal.is_new.empty() && goal.is_new.size() != edited.kinds().size()) {
     throw InvalidInput(
         text("round_keeping_area: ", goal.is_new.size(), " marks for ", edited.point_count(), " points"));
