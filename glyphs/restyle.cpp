@@ -56,7 +56,7 @@ struct Attempt {
 };
 
 bool has_same_structure(const Contours& a, const Contours& b) {
-  return std::ranges::equal(a, b, {}, &BezierContour::kinds, &BezierContour::kinds);
+  return std::ranges::equal(a, b, [](const auto& x, const auto& y) { return fontcore::has_same_structure(x, y); });
 }
 
 class GlyphEditor {
@@ -506,7 +506,7 @@ int segment_count(const Contours& contours) {
 int kept_segments(const Contours& before, const Contours& after) {
   int kept = 0;
   for (std::size_t k = 0; k < before.size(); ++k) {
-    if (before[k].kinds() == after[k].kinds()) {
+    if (fontcore::has_same_structure(before[k], after[k])) {
       kept += equal_segments(before[k], after[k]);
       continue;
     }
@@ -527,7 +527,7 @@ int kept_segments(const Contours& before, const Contours& after) {
 double largest_displacement(const Contours& before, const Contours& after, double step) {
   double largest = 0.0;
   for (std::size_t k = 0; k < before.size(); ++k) {
-    if (before[k].kinds() != after[k].kinds()) {
+    if (!fontcore::has_same_structure(before[k], after[k])) {
       largest =
           std::max(largest, fontcore::two_sided_distance(to_polyline(before[k], step), to_polyline(after[k], step)));
       continue;
@@ -644,12 +644,18 @@ GlyphResult restyle_glyph(const Font& font, int id, const Recipe& recipe, const 
 
     const auto before = find_crossings(glyph.contours);
     report.crossings_before = report.crossings_after = static_cast<int>(before.size());
-    const auto added = [&](const Attempt& attempt) { return added_crossings(before, find_crossings(attempt.rounded)); };
+    const auto crossings = [&](const Attempt& attempt) {
+      return attempt.rounded == glyph.contours ? before : find_crossings(attempt.rounded);
+    };
+    const auto added = [&](const Attempt& attempt) { return added_crossings(before, crossings(attempt)); };
     Attempt best = editor.attempt(1.0);
-    if (recipe.on_crossing != OnCrossing::Allow && added(best) > 0) {
-      if (recipe.on_crossing == OnCrossing::Refuse) throw Refusal{text("crossings that the edit adds: ", added(best))};
-      if (editor.has_pin()) throw Refusal{text("crossings that the pinned move adds: ", added(best))};
+    auto after = crossings(best);
+    const int more = added_crossings(before, after);
+    if (recipe.on_crossing != OnCrossing::Allow && more > 0) {
+      if (recipe.on_crossing == OnCrossing::Refuse) throw Refusal{text("crossings that the edit adds: ", more)};
+      if (editor.has_pin()) throw Refusal{text("crossings that the pinned move adds: ", more)};
       best = reduced(editor, Attempt{glyph.contours, glyph.contours, best.steps, report.area_before}, added, report);
+      after = crossings(best);
     }
     const bool has_new_points = !has_same_structure(best.rounded, glyph.contours);
     if (const int user = has_new_points ? matched_in(font, id) : -1; user >= 0) {
@@ -657,7 +663,7 @@ GlyphResult restyle_glyph(const Font& font, int id, const Recipe& recipe, const 
                          " matches its parts by point numbers")};
     }
     report.area_target = best.area;
-    report.crossings_after = static_cast<int>(find_crossings(best.rounded).size());
+    report.crossings_after = static_cast<int>(after.size());
     result.contours = std::move(best.rounded);
     result.unrounded = std::move(best.unrounded);
     report.steps = std::move(best.steps);
@@ -763,6 +769,10 @@ RestyleResult restyle(const Font& font, const Recipe& recipe, const RestyleOptio
   run_jobs(static_cast<int>(selected.size()), options.jobs, [&](int i) {
     const auto k = static_cast<std::size_t>(i);
     results[k] = restyle_glyph(font, selected[k], recipe, zones);
+    results[k].unrounded.clear();  // a font has tens of thousands of glyphs
+    if (!results[k].report.changed) results[k].contours.clear();
+    results[k].unrounded.shrink_to_fit();
+    results[k].contours.shrink_to_fit();
   });
 
   RestyleResult result;
