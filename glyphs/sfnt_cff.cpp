@@ -1,10 +1,14 @@
 #include "glyphs/sfnt_cff.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdio>
 #include <cstdlib>
 #include <limits>
 #include <mutex>
+#include <sstream>
+#include <unordered_map>
 
 #include "glyphs/jobs.h"
 
@@ -23,6 +27,8 @@ enum DictOperator : int {
   char_strings = 17,
   private_dict = 18,
   subrs = 19,
+  default_width = 20,
+  nominal_width = 21,
   charstring_type = 0x0C06,
   font_matrix = 0x0C07,
   ros = 0x0C1E,
@@ -625,6 +631,229 @@ Bytes CffTable::rewritten(const std::map<int, Bytes>& charstrings, const std::op
     return result;
   }
   throw Malformed("table CFF: its offsets cannot be settled");
+}
+
+// ---- a new table
+
+namespace {
+
+/// The strings every CFF font has without storing them, in their order.
+/// Source  Adobe Technical Note 5176, Appendix A.
+constexpr const char* standard_strings =
+    ".notdef space exclam quotedbl numbersign dollar percent ampersand quoteright parenleft parenright asterisk "
+    "plus comma hyphen period slash zero one two three four five six seven eight nine colon semicolon less equal "
+    "greater question at A B C D E F G H I J K L M N O P Q R S T U V W X Y Z bracketleft backslash bracketright "
+    "asciicircum underscore quoteleft a b c d e f g h i j k l m n o p q r s t u v w x y z braceleft bar "
+    "braceright asciitilde exclamdown cent sterling fraction yen florin section currency quotesingle quotedblleft "
+    "guillemotleft guilsinglleft guilsinglright fi fl endash dagger daggerdbl periodcentered paragraph bullet "
+    "quotesinglbase quotedblbase quotedblright guillemotright ellipsis perthousand questiondown grave acute "
+    "circumflex tilde macron breve dotaccent dieresis ring cedilla hungarumlaut ogonek caron emdash AE "
+    "ordfeminine Lslash Oslash OE ordmasculine ae dotlessi lslash oslash oe germandbls onesuperior logicalnot mu "
+    "trademark Eth onehalf plusminus Thorn onequarter divide brokenbar degree thorn threequarters twosuperior "
+    "registered minus eth multiply threesuperior copyright Aacute Acircumflex Adieresis Agrave Aring Atilde "
+    "Ccedilla Eacute Ecircumflex Edieresis Egrave Iacute Icircumflex Idieresis Igrave Ntilde Oacute Ocircumflex "
+    "Odieresis Ograve Otilde Scaron Uacute Ucircumflex Udieresis Ugrave Yacute Ydieresis Zcaron aacute "
+    "acircumflex adieresis agrave aring atilde ccedilla eacute ecircumflex edieresis egrave iacute icircumflex "
+    "idieresis igrave ntilde oacute ocircumflex odieresis ograve otilde scaron uacute ucircumflex udieresis "
+    "ugrave yacute ydieresis zcaron exclamsmall Hungarumlautsmall dollaroldstyle dollarsuperior ampersandsmall "
+    "Acutesmall parenleftsuperior parenrightsuperior twodotenleader onedotenleader zerooldstyle oneoldstyle "
+    "twooldstyle threeoldstyle fouroldstyle fiveoldstyle sixoldstyle sevenoldstyle eightoldstyle nineoldstyle "
+    "commasuperior threequartersemdash periodsuperior questionsmall asuperior bsuperior centsuperior dsuperior "
+    "esuperior isuperior lsuperior msuperior nsuperior osuperior rsuperior ssuperior tsuperior ff ffi ffl "
+    "parenleftinferior parenrightinferior Circumflexsmall hyphensuperior Gravesmall Asmall Bsmall Csmall Dsmall "
+    "Esmall Fsmall Gsmall Hsmall Ismall Jsmall Ksmall Lsmall Msmall Nsmall Osmall Psmall Qsmall Rsmall Ssmall "
+    "Tsmall Usmall Vsmall Wsmall Xsmall Ysmall Zsmall colonmonetary onefitted rupiah Tildesmall exclamdownsmall "
+    "centoldstyle Lslashsmall Scaronsmall Zcaronsmall Dieresissmall Brevesmall Caronsmall Dotaccentsmall "
+    "Macronsmall figuredash hypheninferior Ogoneksmall Ringsmall Cedillasmall questiondownsmall oneeighth "
+    "threeeighths fiveeighths seveneighths onethird twothirds zerosuperior foursuperior fivesuperior sixsuperior "
+    "sevensuperior eightsuperior ninesuperior zeroinferior oneinferior twoinferior threeinferior fourinferior "
+    "fiveinferior sixinferior seveninferior eightinferior nineinferior centinferior dollarinferior periodinferior "
+    "commainferior Agravesmall Aacutesmall Acircumflexsmall Atildesmall Adieresissmall Aringsmall AEsmall "
+    "Ccedillasmall Egravesmall Eacutesmall Ecircumflexsmall Edieresissmall Igravesmall Iacutesmall "
+    "Icircumflexsmall Idieresissmall Ethsmall Ntildesmall Ogravesmall Oacutesmall Ocircumflexsmall Otildesmall "
+    "Odieresissmall OEsmall Oslashsmall Ugravesmall Uacutesmall Ucircumflexsmall Udieresissmall Yacutesmall "
+    "Thornsmall Ydieresissmall 001.000 001.001 001.002 001.003 Black Bold Book Light Medium Regular Roman "
+    "Semibold";
+
+/// Numbers of strings: the standard ones, then the font's own as they come.
+class Strings {
+ public:
+  Strings() {
+    std::istringstream stream(standard_strings);
+    for (std::string name; stream >> name;) numbers_.emplace(name, static_cast<int>(numbers_.size()));
+  }
+  int number(const std::string& name) {
+    const auto [at, is_new] = numbers_.emplace(name, static_cast<int>(numbers_.size()));
+    if (is_new) own_.emplace_back(name.begin(), name.end());
+    return at->second;
+  }
+  Bytes index() const { return build_index({own_.begin(), own_.end()}, 1); }
+
+ private:
+  std::unordered_map<std::string, int> numbers_;
+  std::vector<Bytes> own_;
+};
+
+void append_operator(Bytes& bytes, int op) {
+  if (op > 255) append(bytes, 12, 1);
+  append(bytes, static_cast<std::uint64_t>(op & 0xFF), 1);
+}
+
+void append_entry(Bytes& bytes, int op, const std::vector<std::int64_t>& operands, std::size_t size = 0) {
+  for (const std::int64_t operand : operands) append(bytes, dict_number(operand, size));
+  append_operator(bytes, op);
+}
+
+/// A real number by its digits, in nibbles.
+void append_real(Bytes& bytes, double value) {
+  char digits[32];
+  std::snprintf(digits, sizeof digits, "%.15g", value);
+  std::vector<int> nibbles;
+  for (const char* at = digits; *at; ++at) {
+    if (*at == 'e') {
+      const bool is_negative = at[1] == '-';
+      nibbles.push_back(is_negative ? 12 : 11);
+      ++at;
+    } else {
+      nibbles.push_back(*at == '.' ? 10 : *at == '-' ? 14 : *at - '0');
+    }
+  }
+  nibbles.push_back(15);
+  if (nibbles.size() % 2) nibbles.push_back(15);
+  append(bytes, 30, 1);
+  for (std::size_t i = 0; i < nibbles.size(); i += 2) {
+    append(bytes, static_cast<std::uint64_t>(nibbles[i] << 4 | nibbles[i + 1]), 1);
+  }
+}
+
+/// Names by glyph as ranges of string numbers, in the format that takes fewer bytes.
+Bytes build_charset(const std::vector<int>& numbers) {
+  std::vector<std::pair<int, int>> ranges;  // first number, how many
+  for (std::size_t glyph = 1; glyph < numbers.size(); ++glyph) {
+    if (!ranges.empty() && ranges.back().first + ranges.back().second == numbers[glyph]) {
+      ++ranges.back().second;
+    } else {
+      ranges.emplace_back(numbers[glyph], 1);
+    }
+  }
+  constexpr int most_short = 256;
+  std::size_t short_bytes = 0;
+  for (const auto& [first, count] : ranges) {
+    short_bytes += 3 * static_cast<std::size_t>((count + most_short - 1) / most_short);
+  }
+  const bool is_short = short_bytes <= 4 * ranges.size();
+  Bytes bytes;
+  append(bytes, is_short ? 1 : 2, 1);
+  for (auto [first, count] : ranges) {
+    while (count > 0) {
+      const int part = is_short ? std::min(count, most_short) : count;
+      append(bytes, static_cast<std::uint64_t>(first), 2);
+      append(bytes, static_cast<std::uint64_t>(part - 1), is_short ? 1 : 2);
+      first += part;
+      count -= part;
+    }
+  }
+  return bytes;
+}
+
+/// The width most glyphs have, which they need not say, and the one that the others' are told from.
+struct Widths {
+  int usual = 0;
+  int nominal = 0;
+};
+
+Widths choose_widths(const std::vector<int>& advances) {
+  std::map<int, std::int64_t> uses;
+  for (const int advance : advances) ++uses[advance];
+  Widths widths;
+  std::int64_t most = -1;
+  for (const auto& [advance, count] : uses) {
+    if (count > most) {
+      most = count;
+      widths.usual = advance;
+    }
+  }
+  uses.erase(widths.usual);
+  constexpr int one_byte = 107;
+  constexpr int two_bytes = 1131;
+  std::int64_t least = std::numeric_limits<std::int64_t>::max();
+  for (const auto& [lowest, count] : uses) {  // the lowest width that takes a byte
+    const int nominal = lowest + one_byte;
+    std::int64_t bytes = 0;
+    for (const auto& [advance, times] : uses) {
+      const int away = std::abs(advance - nominal);
+      bytes += times * (away <= one_byte ? 1 : away <= two_bytes ? 2 : 3);
+    }
+    if (bytes < least) {
+      least = bytes;
+      widths.nominal = nominal;
+    }
+  }
+  return widths;
+}
+
+}  // namespace
+
+Bytes build_cff(const NewCff& font) {
+  const std::size_t count = font.names.size();
+  if (count == 0 || font.outlines.size() != count || font.advances.size() != count) {
+    throw Malformed(text("table CFF: ", count, " names, ", font.outlines.size(), " outlines and ", font.advances.size(),
+                         " advances"));
+  }
+  Strings strings;
+  std::vector<int> numbers;
+  for (std::size_t glyph = 0; glyph < count; ++glyph) {
+    numbers.push_back(strings.number(glyph == 0 ? ".notdef" : font.names[glyph]));
+    constexpr int most_strings = 64999;
+    if (numbers.back() > most_strings) throw Malformed("table CFF: more glyph names than the format has numbers for");
+  }
+  const Widths widths = choose_widths(font.advances);
+  std::vector<Bytes> charstrings;
+  for (std::size_t glyph = 0; glyph < count; ++glyph) {
+    std::optional<double> width;
+    if (font.advances[glyph] != widths.usual) width = font.advances[glyph] - widths.nominal;
+    try {
+      charstrings.push_back(encode_charstring(font.outlines[glyph], {}, width));
+    } catch (const Malformed& error) {
+      throw Malformed(text(font.names[glyph], ": ", error.what()));
+    }
+  }
+  Bytes own;
+  if (widths.usual != 0) append_entry(own, default_width, {widths.usual});
+  if (widths.nominal != 0) append_entry(own, nominal_width, {widths.nominal});
+  const Bytes charset_bytes = build_charset(numbers);
+  const Bytes charstring_bytes = build_index({charstrings.begin(), charstrings.end()}, 1);
+
+  Bytes result{1, 0, 4, 4};
+  const Bytes name(font.name.begin(), font.name.end());
+  append(result, build_index({View(name)}, 1));
+  const auto top_index = [&](std::uint64_t body) {
+    constexpr std::size_t any_offset = 5;
+    Bytes top;
+    append_entry(top, font_bbox, {font.box.x_min, font.box.y_min, font.box.x_max, font.box.y_max});
+    if (font.units_per_em != 1000) {
+      for (const double entry : {1.0, 0.0, 0.0, 1.0, 0.0, 0.0}) {
+        entry == 0.0 ? append(top, dict_number(0, 0)) : append_real(top, entry / font.units_per_em);
+      }
+      append_operator(top, font_matrix);
+    }
+    const auto at = static_cast<std::int64_t>(body);
+    const auto behind_charset = at + static_cast<std::int64_t>(charset_bytes.size());
+    const auto behind_charstrings = behind_charset + static_cast<std::int64_t>(charstring_bytes.size());
+    append_entry(top, charset, {at}, any_offset);
+    append_entry(top, char_strings, {behind_charset}, any_offset);
+    append_entry(top, private_dict, {static_cast<std::int64_t>(own.size()), behind_charstrings}, any_offset);
+    return build_index({View(top)}, 1);
+  };
+  const Bytes string_index = strings.index();
+  const std::uint64_t body = result.size() + top_index(0).size() + string_index.size() + 2;
+  append(result, top_index(body));
+  append(result, string_index);
+  append(result, 0, 2);  // no global subroutines
+  append(result, charset_bytes);
+  append(result, charstring_bytes);
+  append(result, own);
+  return result;
 }
 
 }  // namespace glyphs::sfnt

@@ -27,8 +27,8 @@ struct CffIndex {
 // ---- charstrings
 
 /// Steps that one charstring, and all of a font together, may take: operands and operators, those of subroutines each
-/// time they are called; beside them every point that is drawn counts as 16 of the font's. Fifty times what the largest
-/// glyphs and fonts in use need; subroutines that call each other reach any number.
+/// time they are called; beside them every point that is drawn counts as 16 of the font's. Some twenty times what the
+/// largest fonts in use need; subroutines that call each other reach any number.
 inline constexpr std::int64_t most_charstring_work = 1'000'000;
 inline constexpr std::int64_t most_font_work = 300'000'000;
 
@@ -141,5 +141,20 @@ class CffTable {
 /// threads; the result is the same for every number of them. `most_font_work` is spent glyph by glyph: those behind it
 /// are in trouble.
 void read_cff_outlines(Font& font, const CffTable& table);
+
+/// What a new table is made of. The first glyph is called .notdef whatever its name, as the format wants it.
+struct NewCff {
+  std::string name;  ///< PostScript name of the font
+  int units_per_em = 1000;
+  Box box;
+  std::vector<std::string> names;                              ///< by glyph id, each once
+  std::vector<std::vector<fontcore::BezierContour>> outlines;  ///< lines and cubics
+  std::vector<int> advances;
+};
+
+/// A name-keyed table without hints and subroutines; widths are told from the values that take the fewest bytes.
+///
+/// Throws  Malformed, naming the glyph: an outline that no charstring can hold, too many names, lists of other lengths.
+Bytes build_cff(const NewCff& font);
 
 }  // namespace glyphs::sfnt

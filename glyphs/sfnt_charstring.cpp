@@ -746,7 +746,10 @@ std::vector<BezierContour> snap(const std::vector<BezierContour>& contours) {
 Bytes encode_charstring(const std::vector<BezierContour>& contours, const std::vector<bool>& is_closed_by_line,
                         std::optional<double> width) {
   Bytes bytes;
-  if (width) append_number(bytes, static_cast<std::int64_t>(std::round(*width * one)));
+  if (width) {
+    if (!(std::abs(*width) < coordinate_end)) throw Malformed(text("the width ", *width, " does not fit in 16 bits"));
+    append_number(bytes, static_cast<std::int64_t>(std::round(*width * one)));
+  }
   Pen pen;
   for (std::size_t c = 0; c < contours.size(); ++c) {
     const BezierContour& contour = contours[c];

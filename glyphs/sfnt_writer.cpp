@@ -15,6 +15,7 @@
 #include "glyphs/error.h"
 #include "glyphs/font_file.h"
 #include "glyphs/freetype_loader.h"
+#include "glyphs/jobs.h"
 #include "glyphs/sfnt_cff.h"
 
 namespace glyphs {
@@ -96,6 +97,71 @@ struct Summary {
   }
 };
 
+/// Looks in GPOS for anchors that name a point of an outline, by its number.
+class PointAnchors {
+ public:
+  explicit PointAnchors(View gpos) : gpos_(gpos) {}
+
+  /// What cannot be read has none.
+  bool exist() {
+    try {
+      const std::uint64_t lookups = u16(8);
+      for (std::uint64_t i = 0; i < u16(lookups) && !found_; ++i) look_up(lookups + u16(lookups + 2 + 2 * i));
+    } catch (const Malformed&) {
+      return found_;
+    }
+    return found_;
+  }
+
+ private:
+  std::uint64_t u16(std::uint64_t at) {
+    if (++reads_ > most_reads) throw Malformed("tables that share their parts without end");
+    return sfnt::u16(gpos_, at);
+  }
+
+  void look_up(std::uint64_t lookup) {
+    enum : unsigned { cursive = 3, mark_to_base = 4, mark_to_ligature = 5, mark_to_mark = 6, extension = 9 };
+    for (std::uint64_t i = 0; i < u16(lookup + 4) && !found_; ++i) {
+      std::uint64_t type = u16(lookup);
+      std::uint64_t at = lookup + u16(lookup + 6 + 2 * i);
+      if (type == extension) {
+        type = u16(at + 2);
+        at += sfnt::u32(gpos_, at + 4);
+      }
+      if (type == cursive) {
+        see_all(at, at + 6, 2 * u16(at + 4), 2);
+      } else if (type >= mark_to_base && type <= mark_to_mark) {
+        const std::uint64_t classes = u16(at + 6);
+        const std::uint64_t marks = at + u16(at + 8);
+        see_all(marks, marks + 4, u16(marks), 4);
+        const std::uint64_t bases = at + u16(at + 10);
+        if (type != mark_to_ligature) {
+          see_all(bases, bases + 2, classes * u16(bases), 2);
+          continue;
+        }
+        for (std::uint64_t k = 0; k < u16(bases); ++k) {
+          const std::uint64_t ligature = bases + u16(bases + 2 + 2 * k);
+          see_all(ligature, ligature + 2, classes * u16(ligature), 2);
+        }
+      }
+    }
+  }
+
+  /// Anchors by their offsets from `base`, which stand `stride` bytes apart.
+  void see_all(std::uint64_t base, std::uint64_t offsets, std::uint64_t count, std::uint64_t stride) {
+    for (std::uint64_t i = 0; i < count && !found_; ++i) {
+      const std::uint64_t offset = u16(offsets + stride * i);
+      constexpr std::uint64_t by_point = 2;
+      found_ = offset != 0 && u16(base + offset) == by_point;
+    }
+  }
+
+  static constexpr int most_reads = 20'000'000;
+  View gpos_;
+  int reads_ = 0;
+  bool found_ = false;
+};
+
 class Writer {
  public:
   Writer(const Font& font, const EditedGlyphs& edited, const WriteOptions& options)
@@ -117,11 +183,49 @@ class Writer {
       move_composites();
       rebuild_tables();
     }
-    assemble();
+    // Made untrue by any edit of outlines: the signature, and what was derived from hinted widths and heights.
+    assemble({tag("DSIG"), tag("hdmx"), tag("LTSH"), tag("VDMX")});
     std::ranges::sort(result_.dropped_instructions);
     warn();
     read_back();
     return std::move(result_);
+  }
+
+  ConvertedFont convert(Fractions fractions) {
+    if (!font_.data) fail("the font has no data to be converted");
+    if (font_.format != OutlineFormat::TrueType) fail("only fonts with TrueType outlines become CFF");
+    if (font_.is_collection) fail("this version does not write collections");
+    if (font_.is_variable) fail("this version does not write variable fonts");
+    open_tables();
+    ConvertedFont converted;
+    const std::size_t count = font_.glyphs.size();
+    converted.deviation.resize(count);
+    std::vector<std::vector<BezierContour>> outlines(count);
+    run_jobs(static_cast<int>(count), {}, [&](int id) {
+      const auto k = static_cast<std::size_t>(id);
+      if (const Glyph& glyph = glyph_at(id); !glyph.trouble.empty()) fail(id, glyph.trouble);
+      outlines[k] = as_cubics(compose(font_, id), fractions);
+      converted.deviation[k] = deviation(compose(font_, id), outlines[k]);
+    });
+    converted.worst = static_cast<int>(std::ranges::max_element(converted.deviation) - converted.deviation.begin());
+    for (const Glyph& glyph : font_.glyphs) {
+      if (glyph.is_composite()) converted.flattened.push_back(glyph.id);
+      if (glyph.has_instructions) result_.dropped_instructions.push_back(glyph.id);
+      changed_.push_back(glyph.id);
+    }
+    rebuild_as_cff(outlines);
+    directory_.version = tag("OTTO");
+    assemble({tag("DSIG"), tag("hdmx"), tag("LTSH"), tag("VDMX"), tag("glyf"), tag("loca"), tag("fpgm"), tag("prep"),
+              tag("cvt ")});
+    warn();
+    if (const sfnt::TableRecord* gpos = directory_.find(tag("GPOS")); gpos && PointAnchors(gpos->bytes).exist()) {
+      result_.warnings.emplace_back(
+          "GPOS: has anchors that name points of outlines by their numbers, which are others now");
+    }
+    for (std::size_t k = 0; k < count; ++k) snapped_[static_cast<int>(k)] = std::move(outlines[k]);
+    read_back_converted();
+    converted.font = std::move(result_);
+    return converted;
   }
 
  private:
@@ -426,32 +530,33 @@ class Writer {
     rebuilt_[tag("CFF ")] = table.rewritten(charstrings, follow_boxes(boxes));
   }
 
-  /// Boxes of the curves, rounded outward, as head and FontBBox of CFF fonts count them.
-  Boxes drawn_boxes() {
-    const auto box_of = [&](int id, const std::vector<BezierContour>& contours) {
-      fontcore::Box drawn;
-      for (const BezierContour& contour : contours) drawn.add(fontcore::tight_box(contour));
-      if (drawn.is_empty()) return std::optional<Box>{};
-      for (const double value : {drawn.low.x(), drawn.low.y(), drawn.high.x(), drawn.high.y()}) {
-        if (!fits_int16(std::floor(value)) || !fits_int16(std::ceil(value))) {
-          fail(id, text("box coordinate ", value, " does not fit in 16 bits"));
-        }
+  /// The box of the curves, rounded outward, as head and FontBBox of CFF fonts count it.
+  std::optional<Box> drawn_box(int id, const std::vector<BezierContour>& contours) const {
+    fontcore::Box drawn;
+    for (const BezierContour& contour : contours) drawn.add(fontcore::tight_box(contour));
+    if (drawn.is_empty()) return std::nullopt;
+    for (const double value : {drawn.low.x(), drawn.low.y(), drawn.high.x(), drawn.high.y()}) {
+      if (!fits_int16(std::floor(value)) || !fits_int16(std::ceil(value))) {
+        fail(id, text("box coordinate ", value, " does not fit in 16 bits"));
       }
-      return std::optional<Box>{
-          {static_cast<int>(std::floor(drawn.low.x())), static_cast<int>(std::floor(drawn.low.y())),
-           static_cast<int>(std::ceil(drawn.high.x())), static_cast<int>(std::ceil(drawn.high.y()))}};
-    };
+    }
+    const auto low = [](double value) { return static_cast<int>(std::floor(value)); };
+    const auto high = [](double value) { return static_cast<int>(std::ceil(value)); };
+    return Box{low(drawn.low.x()), low(drawn.low.y()), high(drawn.high.x()), high(drawn.high.y())};
+  }
+
+  Boxes drawn_boxes() {
     Boxes boxes;
     for (const Glyph& glyph : font_.glyphs) {
-      boxes.before.push_back(glyph.is_composite() ? box_of(glyph.id, compose(font_, glyph.id))
-                                                  : box_of(glyph.id, glyph.contours));
+      boxes.before.push_back(glyph.is_composite() ? drawn_box(glyph.id, compose(font_, glyph.id))
+                                                  : drawn_box(glyph.id, glyph.contours));
     }
     boxes.after = boxes.before;
     std::optional<Font> after;  // only for composites
     for (const int id : dependents(font_, changed_)) {
       auto& box = boxes.after[static_cast<std::size_t>(id)];
       if (const auto changed = snapped_.find(id); changed != snapped_.end()) {
-        box = box_of(id, changed->second);
+        box = drawn_box(id, changed->second);
         continue;
       }
       result_.moved_composites.push_back(id);
@@ -462,9 +567,143 @@ class Writer {
           after->glyphs[static_cast<std::size_t>(changed)].components.clear();
         }
       }
-      box = box_of(id, compose(*after, id));
+      box = drawn_box(id, compose(*after, id));
     }
     return boxes;
+  }
+
+  // ---- TrueType to CFF
+
+  /// Contours from their first nodes, quadratics raised, run the other way, with coordinates that a charstring can
+  /// hold.
+  static std::vector<BezierContour> as_cubics(const std::vector<BezierContour>& contours, Fractions fractions) {
+    std::vector<BezierContour> result;
+    for (const BezierContour& contour : contours) {
+      if (contour.point_count() < 2) continue;
+      std::vector<fontcore::Point> list;
+      std::vector<PointKind> kinds;
+      const auto add = [&](const fontcore::Point& point, PointKind kind) {
+        list.push_back(point);
+        kinds.push_back(kind);
+      };
+      for (int s = 0; s < contour.segment_count(); ++s) {
+        const fontcore::Bezier segment = contour.segment(s);
+        add(segment.start(), PointKind::Node);
+        if (segment.degree == 2) {
+          constexpr double third = 1.0 / 3.0;
+          add(third * segment.p[0] + 2 * third * segment.p[1], PointKind::Cubic);
+          add(third * segment.p[2] + 2 * third * segment.p[1], PointKind::Cubic);
+        } else {
+          for (int k = 1; k < segment.degree; ++k) add(segment.p[static_cast<std::size_t>(k)], PointKind::Cubic);
+        }
+      }
+      fontcore::Points points(static_cast<Eigen::Index>(list.size()), 2);
+      for (std::size_t i = 0; i < list.size(); ++i) points.row(static_cast<Eigen::Index>(i)) = list[i].transpose();
+      if (fractions == Fractions::Round) points = (points.array() + 0.5).floor().matrix().eval();
+      result.push_back(reverse(BezierContour(std::move(points), std::move(kinds))));
+    }
+    return sfnt::snap(result);
+  }
+
+  /// Both ways, between the same places of every segment: what sampling leaves out is the same on both sides.
+  static double deviation(const std::vector<BezierContour>& before, const std::vector<BezierContour>& after) {
+    const auto sampled = [](const BezierContour& contour) {
+      constexpr int samples = 16;  // of a segment
+      fontcore::Points points(samples * static_cast<Eigen::Index>(contour.segment_count()), 2);
+      Eigen::Index row = 0;
+      for (int s = 0; s < contour.segment_count(); ++s) {
+        const fontcore::Bezier segment = contour.segment(s);
+        for (int k = 0; k < samples; ++k) {
+          points.row(row++) = evaluate(segment, static_cast<double>(k) / samples).transpose();
+        }
+      }
+      return points;
+    };
+    double largest = 0.0;
+    std::size_t k = 0;
+    for (const BezierContour& contour : before) {
+      if (contour.point_count() < 2) continue;
+      largest = std::max(largest, fontcore::two_sided_distance(sampled(contour), sampled(reverse(after[k++]))));
+    }
+    return largest;
+  }
+
+  void rebuild_as_cff(const std::vector<std::vector<BezierContour>>& outlines) {
+    sfnt::NewCff made{.name = postscript_name(), .units_per_em = basics_.units_per_em};
+    made.outlines = outlines;
+    Boxes boxes;
+    for (const Glyph& glyph : font_.glyphs) {
+      made.names.push_back(glyph.name);
+      made.advances.push_back(basics_.metrics.advance(glyph.id));
+      boxes.before.push_back(font_.has_outline(glyph.id)
+                                 ? std::optional<Box>(sfnt::read_box(old_glyphs_[static_cast<std::size_t>(glyph.id)]))
+                                 : std::nullopt);
+      boxes.after.push_back(drawn_box(glyph.id, outlines[static_cast<std::size_t>(glyph.id)]));
+      if (const auto& box = boxes.after.back()) {
+        put_u16(rebuilt_[tag("hmtx")], basics_.metrics.bearing_offset(glyph.id), box->x_min);
+      }
+    }
+    follow_boxes(boxes);
+    Bytes& head = rebuilt_[tag("head")];
+    constexpr int bearings_are_x_min = 2;
+    put_u16(head, 16, sfnt::u16(head, 16) | bearings_are_x_min);
+    put_u16(head, 50, 0);
+    made.box = {sfnt::i16(head, 36), sfnt::i16(head, 38), sfnt::i16(head, 40), sfnt::i16(head, 42)};
+    rebuilt_[tag("CFF ")] = build_cff(made);
+    Bytes& maxp = rebuilt_[tag("maxp")];
+    maxp.resize(6);
+    put_u32(maxp, 0, 0x00005000);
+    if (const sfnt::TableRecord* post = directory_.find(tag("post")); post && post->bytes.size() >= 32) {
+      Bytes& bytes = rebuilt_[tag("post")] = Bytes(post->bytes.begin(), post->bytes.begin() + 32);
+      put_u32(bytes, 0, 0x00030000);  // without names
+    }
+  }
+
+  /// Name 6 of table name, without what PostScript does not allow; else family and style.
+  std::string postscript_name() const {
+    std::string found;
+    if (const sfnt::TableRecord* table = directory_.find(tag("name"))) {
+      try {
+        const std::uint64_t strings = sfnt::u16(table->bytes, 4);
+        for (std::uint64_t i = 0; i < sfnt::u16(table->bytes, 2) && found.empty(); ++i) {
+          const std::uint64_t at = 6 + 12 * i;
+          if (sfnt::u16(table->bytes, at + 6) != 6) continue;
+          const View bytes =
+              sfnt::slice(table->bytes, strings + sfnt::u16(table->bytes, at + 10), sfnt::u16(table->bytes, at + 8));
+          for (const unsigned char c : bytes) {
+            if (c != 0) found += static_cast<char>(c);  // UTF-16 of ASCII is ASCII with noughts
+          }
+        }
+      } catch (const Malformed&) {
+        found.clear();
+      }
+    }
+    if (found.empty()) found = font_.family + "-" + font_.style;
+    std::erase_if(found, [](char c) {
+      return c <= ' ' || c > '~' || std::string_view("[](){}<>/%").find(c) != std::string_view::npos;
+    });
+    constexpr std::size_t longest = 63;
+    return found.empty() ? "Converted" : found.substr(0, longest);
+  }
+
+  /// The result, read by the loader and by FreeType, must draw what was asked, with names, advances and characters.
+  void read_back_converted() const {
+    std::optional<Font> read;
+    try {
+      read = load_sfnt(font_.path, result_.data);
+    } catch (const FontReadError& error) {
+      throw FontWriteError(text("the result does not read back: ", error.what()));
+    }
+    if (read->glyphs.size() != font_.glyphs.size()) fail("the result has another number of glyphs");
+    for (const Glyph& glyph : font_.glyphs) {
+      const Glyph& back = read->glyphs[static_cast<std::size_t>(glyph.id)];
+      if (!is_same_outline(back.contours, wanted_outline(glyph.id))) fail(glyph.id, "reads back with another outline");
+      if (back.advance != glyph.advance || (glyph.id > 0 && back.name != glyph.name)) {
+        fail(glyph.id, text("reads back with the advance ", back.advance, " and the name ", back.name));
+      }
+    }
+    if (read->character_map != font_.character_map) fail("the result reads back with another character map");
+    check_by_freetype();
   }
 
   // ---- what all outlines together say
@@ -642,9 +881,8 @@ class Writer {
     }
   }
 
-  void assemble() {
-    // Made untrue by any edit of outlines: the signature, and what was derived from hinted widths and heights.
-    const std::set<Tag> void_tables{tag("DSIG"), tag("hdmx"), tag("LTSH"), tag("VDMX")};
+  /// Puts the tables together, in the order of the old file, new ones behind.
+  void assemble(const std::set<Tag>& void_tables) {
     std::vector<sfnt::TableRecord> tables;
     for (const sfnt::TableRecord& table : sfnt::in_file_order(directory_)) {
       const auto rebuilt = rebuilt_.find(table.tag);
@@ -654,11 +892,15 @@ class Writer {
         tables.push_back({table.tag, rebuilt == rebuilt_.end() ? table.bytes : View(rebuilt->second)});
       }
     }
+    for (const auto& [name, bytes] : rebuilt_) {
+      if (!directory_.has(name)) tables.push_back({name, bytes});
+    }
     std::sort(result_.dropped_tables.begin(), result_.dropped_tables.end());
     result_.data = sfnt::build(directory_.version, tables);
     const sfnt::Directory written = sfnt::read_directory(result_.data, 0);
     for (const sfnt::TableRecord& table : written.tables) {
-      if (!std::ranges::equal(table.bytes, directory_.require(table.tag, 0))) {
+      const sfnt::TableRecord* old = directory_.find(table.tag);
+      if (!old || !std::ranges::equal(table.bytes, old->bytes)) {
         result_.changed_tables.push_back(sfnt::tag_name(table.tag));
       }
     }
@@ -774,6 +1016,16 @@ class Writer {
 WrittenFont write_sfnt(const Font& font, const EditedGlyphs& edited, const WriteOptions& options) {
   try {
     return Writer(font, edited, options).write();
+  } catch (const Malformed& error) {
+    throw FontWriteError(text(font.path, ": ", error.what()));
+  } catch (const FontReadError& error) {
+    throw FontWriteError(error.what());
+  }
+}
+
+ConvertedFont convert_to_cff(const Font& font, Fractions fractions) {
+  try {
+    return Writer(font, {}).convert(fractions);
   } catch (const Malformed& error) {
     throw FontWriteError(text(font.path, ": ", error.what()));
   } catch (const FontReadError& error) {

@@ -53,4 +53,29 @@ struct WriteOptions {
 ///         Names file and glyph.
 WrittenFont write_sfnt(const Font& font, const EditedGlyphs& edited, const WriteOptions& options = {});
 
+/// What becomes of coordinates that are no whole numbers.
+enum class Fractions { Round, Keep };
+
+/// A font with outlines of another kind, and how far they are from the old ones.
+struct ConvertedFont {
+  WrittenFont font;
+  std::vector<int> flattened;     ///< composites that are outlines now; sorted
+  std::vector<double> deviation;  ///< by glyph id: largest distance of the outlines, both ways, font units
+  int worst = 0;                  ///< glyph with the largest
+};
+
+/// A TrueType font as an OpenType font with CFF outlines: quadratics as the same curves in cubics, run the other way
+/// round (outer contours counter-clockwise, as PostScript has them) from the same starts, coordinates rounded to whole
+/// numbers or kept in steps of 1/65536.
+///
+/// `glyf`, `loca` and what belongs to TrueType instructions go; `CFF ` comes without hints; `maxp`, `post` (the names
+/// are in `CFF ` now), `hmtx`, `vmtx`, `head`, `hhea` and `vhea` follow; every other table is copied byte for byte.
+/// Every outline stays at its origins. Contours of one point, which draw nothing, are left out. The result has been
+/// read again and compared before it is returned, charstrings by FreeType too.
+///
+/// Throws  FontWriteError: not a single TrueType font (collection, variable), a glyph in trouble, a coordinate that
+/// does
+///         not fit in 16 bits, a result that does not read back. Names file and glyph.
+ConvertedFont convert_to_cff(const Font& font, Fractions fractions = Fractions::Round);
+
 }  // namespace glyphs

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <random>
 
+#include "fontcore/measure.h"
 #include "glyphs/error.h"
 #include "glyphs/font_file.h"
 #include "glyphs/sfnt_writer.h"
@@ -474,4 +475,85 @@ TEST_CASE("an edited CFF glyph loses its hints by name, and keeps its width", "[
   const Point corner = table.read(1).contours.at(0).point(0);
   CHECK(corner.x() == 10.25);
   CHECK(corner.y() == std::round((20 - 1.0 / 3) * 65536) / 65536);
+}
+
+TEST_CASE("a new table tells names and widths in few bytes, and reads back", "[sfnt_cff]") {
+  const std::vector<BezierContour> outline = read(square).contours;
+  glyphs::sfnt::NewCff made{.name = "Small", .units_per_em = 2048, .box = {10, 20, 110, 120}};
+  made.names = {".notdef", "A", "B", "own", "other", "C"};
+  made.outlines = {{}, outline, outline, outline, {}, outline};
+  made.advances = {500, 600, 600, 650, 30000, 600};
+  const Bytes bytes = build_cff(made);
+  const CffTable table(bytes, 2048);
+  CHECK_FALSE(table.is_cid_keyed());
+  CHECK_FALSE(table.font_dict(1).is_scaled);
+  CHECK_FALSE(table.read(1).width);  // the usual one
+  CHECK(table.read(3).width);
+  CHECK(drawn(table.read(3)) == drawn(read(square)));
+  CHECK(table.standard_glyphs()['A'] == 1);
+  CHECK(table.standard_glyphs()['C'] == 5);
+  CHECK(table.standard_glyphs()['D'] == -1);
+  const Font font = glyphs::load_font_bytes("made.otf", otf_of(bytes, 6));
+  for (std::size_t id = 0; id < made.names.size(); ++id) CHECK(font.glyphs[id].name == made.names[id]);
+  CHECK(font.glyphs[5].contours == outline);
+  made.advances.pop_back();
+  CHECK_THROWS_AS(build_cff(made), glyphs::sfnt::Malformed);
+}
+
+TEST_CASE("a TrueType font becomes an OpenType font with its names, advances, characters and outlines", "[sfnt_cff]") {
+  for (const std::string name : {"liberation-serif/LiberationSerif-Regular.ttf", "open-sans/OpenSans-Regular.ttf"}) {
+    INFO(name);
+    const Font font = glyphs::load_font(bundled_font(name));
+    for (const auto fractions : {glyphs::Fractions::Round, glyphs::Fractions::Keep}) {
+      const glyphs::ConvertedFont converted = convert_to_cff(font, fractions);
+      const Font read = glyphs::load_font_bytes("converted.otf", converted.font.data);
+      CHECK(read.format == glyphs::OutlineFormat::Cff);
+      CHECK(read.character_map == font.character_map);
+      CHECK(read.family == font.family);
+      int wrong = 0;
+      double area_error = 0.0;
+      for (const glyphs::Glyph& glyph : font.glyphs) {
+        const glyphs::Glyph& back = read.glyphs[static_cast<std::size_t>(glyph.id)];
+        wrong += back.name != glyph.name || back.advance != glyph.advance || back.is_composite() || back.has_hints;
+        const double before = signed_area(compose(font, glyph.id));
+        const double after = signed_area(back.contours);
+        area_error = std::max(area_error, std::abs(after + before) / std::max(std::abs(before), 1e4));
+      }
+      CHECK(wrong == 0);
+      const double bound = fractions == glyphs::Fractions::Round ? 1.0 : 1e-4;
+      CHECK(area_error < (fractions == glyphs::Fractions::Round ? 5e-3 : 1e-6));
+      CHECK(converted.deviation.at(static_cast<std::size_t>(converted.worst)) < bound);
+      CHECK(std::ranges::max(converted.deviation) == converted.deviation[static_cast<std::size_t>(converted.worst)]);
+      const auto before = sfnt_bytes::tables_of(*font.data);
+      const auto after = sfnt_bytes::tables_of(converted.font.data);
+      for (const std::string tag : {"glyf", "loca", "fpgm", "prep", "cvt "}) CHECK_FALSE(after.contains(tag));
+      for (const std::string tag : {"name", "cmap", "OS/2", "GPOS", "GSUB", "GDEF", "kern", "gasp"}) {
+        if (before.contains(tag)) CHECK(after.at(tag) == before.at(tag));
+      }
+      CHECK(after.at("maxp").size() == 6);
+      CHECK(sfnt_bytes::checksum(converted.font.data) == 0xB1B0AFBA);
+      CHECK(static_cast<std::ptrdiff_t>(converted.flattened.size()) ==
+            std::ranges::count_if(font.glyphs, &glyphs::Glyph::is_composite));
+    }
+  }
+}
+
+TEST_CASE("quadratics become the same curves the other way round, from the same start", "[sfnt_cff]") {
+  const Bytes leaf = sfnt_bytes::simple_glyph({{{0, 0}, {0, 300, false}, {300, 300}, {300, 0, false}}});
+  const Font font = glyphs::load_font_bytes("leaf.ttf", sfnt_bytes::font_of(sfnt_bytes::small_font({{}, leaf})));
+  const glyphs::ConvertedFont converted = convert_to_cff(font);
+  CHECK(drawn(glyphs::load_font_bytes("leaf.otf", converted.font.data), 1) ==
+        "0,0 (200,0) (300,100) 300,300 (100,300) (0,200)");
+  CHECK(converted.deviation == std::vector<double>{0, 0});
+  CHECK(converted.font.warnings.empty());
+  for (const int anchor_format : {1, 2}) {  // a cursive attachment
+    auto tables = sfnt_bytes::small_font({{}, leaf});
+    for (const int value : {1, 0, 0, 0, 10, 1, 4, 3, 0, 1, 8, 1, 0, 1, 10, 0, anchor_format, 5, 5, 1}) {
+      sfnt_bytes::put16(tables["GPOS"], value);
+    }
+    const Font placed = glyphs::load_font_bytes("placed.ttf", sfnt_bytes::font_of(tables));
+    CHECK(convert_to_cff(placed).font.warnings.size() == (anchor_format == 2 ? 1 : 0));
+  }
+  CHECK(message_of<FontWriteError>([&] { convert_to_cff(glyphs::load_font_bytes("leaf.otf", converted.font.data)); }) ==
+        "leaf.otf: only fonts with TrueType outlines become CFF");
 }
