@@ -84,7 +84,7 @@ struct Font {
   Container container = Container::Sfnt;
   std::vector<std::string> warnings;        ///< what reading could not carry over, a line each
   std::shared_ptr<const Folder> folder;     ///< of a UFO: all its files, bit for bit
-  bool has_fractional_coordinates = false;  ///< CFF operands that are not whole numbers
+  bool has_fractional_coordinates = false;  ///< operands of a CFF, points of a UFO
 
   /// Glyph id of a name; -1 if there is none.
   int find(const std::string& name) const;

@@ -199,7 +199,12 @@ void fill(Font& font) {
         continue;
       }
       for (GlifContour& contour : glif.contours) {
-        if (contour.outline) glyph.contours.push_back(std::move(*contour.outline));
+        if (!contour.outline) continue;
+        for (const GlifPoint& point : contour.points) {
+          const bool is_whole = point.position == Point(point.position.array().round());
+          font.has_fractional_coordinates = font.has_fractional_coordinates || !is_whole;
+        }
+        glyph.contours.push_back(std::move(*contour.outline));
       }
       glyph.marks = std::move(glif.marks);
     }

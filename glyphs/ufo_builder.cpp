@@ -195,6 +195,9 @@ class Builder {
   WrittenUfo build() {
     if (!font_.data || font_.format == OutlineFormat::Ufo) fail("only a TTF or an OTF is made a UFO");
     if (font_.glyphs.empty() || font_.units_per_em <= 0) fail("it has no glyphs or no units per em");
+    for (const Glyph& glyph : font_.glyphs) names_.push_back(glyph.name);
+    // Compilers know the glyph for what is missing by its name; a font without names has it by its place alone.
+    if (names_[0] == "gid0" && font_.find(".notdef") < 0) names_[0] = ".notdef";
     directory_ = sfnt::read_directory(*font_.data, font_.face_index);
     build_glyphs();
     build_info();
@@ -212,6 +215,8 @@ class Builder {
 
   // -- glyphs
 
+  const std::string& name_of(int glyph) const { return names_[static_cast<std::size_t>(glyph)]; }
+
   void build_glyphs() {
     std::vector<std::vector<char32_t>> codes(font_.glyphs.size());
     for (const auto& [code, glyph] : font_.character_map) codes.at(static_cast<std::size_t>(glyph)).push_back(code);
@@ -219,9 +224,10 @@ class Builder {
     Dictionary contents;
     std::vector<std::string> order;
     for (const Glyph& glyph : font_.glyphs) {
-      const std::string file = names.take(glyph.name);
-      contents[glyph.name] = string_value(file);
-      order.push_back(string_value(glyph.name));
+      const std::string& name = name_of(glyph.id);
+      const std::string file = names.take(name);
+      contents[name] = string_value(file);
+      order.push_back(string_value(name));
       result_.folder["glyphs/" + file] = to_bytes(glif(glyph, codes[static_cast<std::size_t>(glyph.id)]));
       if (!glyph.trouble.empty()) {
         result_.warnings.push_back(text(glyph.name, ": comes out empty, since it cannot be read: ", glyph.trouble));
@@ -237,7 +243,7 @@ class Builder {
   }
 
   std::string glif(const Glyph& glyph, const std::vector<char32_t>& codes) {
-    std::string out = text("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<glyph name=\"", xml::encode(glyph.name),
+    std::string out = text("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<glyph name=\"", xml::encode(name_of(glyph.id)),
                            "\" format=\"2\">\n");
     if (glyph.advance != 0.0) out += text("  <advance width=\"", xml::number_text(glyph.advance), "\"/>\n");
     for (const char32_t code : codes) {
@@ -261,8 +267,7 @@ class Builder {
   }
 
   std::string component(const Component& part, const Point& shift) const {
-    std::string out =
-        text("    <component base=\"", xml::encode(font_.glyphs[static_cast<std::size_t>(part.glyph)].name), "\"");
+    std::string out = text("    <component base=\"", xml::encode(name_of(part.glyph)), "\"");
     const auto put_number = [&](const char* key, double value, double usual) {
       if (value != usual) out += text(" ", key, "=\"", xml::number_text(value), "\"");
     };
@@ -550,6 +555,7 @@ class Builder {
   }
 
   const Font& font_;
+  std::vector<std::string> names_;  // by glyph id
   sfnt::Directory directory_;
   Dictionary info_;
   WrittenUfo result_;

@@ -204,6 +204,7 @@ TEST_CASE("a UFO is read as plain values, glyphs in the order it gives them", "[
   CHECK(font.descender == -250);
   CHECK(font.family == "A & B");
   CHECK(font.style == "Bold");
+  CHECK(font.has_fractional_coordinates);
   std::vector<std::string> names;
   for (const Glyph& glyph : font.glyphs) names.push_back(glyph.name);
   CHECK(names == std::vector<std::string>{"quad", "i", "both", "box"});
@@ -325,10 +326,8 @@ TEST_CASE("quadratics with other points are written so that the same come back",
   const auto written = write_ufo(font, {{id, {soft.contour}}});
   const Font again = load_ufo("again", written.folder);
   CHECK(again.glyphs[static_cast<std::size_t>(id)].contours[0].kinds() == soft.contour.kinds());
-  const BezierContour back_to_box = write_ufo(again, {{id, {box}}}).folder.empty() ? box : box;
-  CHECK(load_ufo("back", write_ufo(again, {{id, {back_to_box}}}).folder)
-            .glyphs[static_cast<std::size_t>(id)]
-            .contours[0] == box);
+  const auto back = write_ufo(again, {{id, {box}}});
+  CHECK(load_ufo("back", back.folder).glyphs[static_cast<std::size_t>(id)].contours[0] == box);
 }
 
 TEST_CASE("what cannot be written is refused by glyph", "[ufo]") {
@@ -610,6 +609,14 @@ TEST_CASE("a bundled font made a UFO has the same outlines, metrics, names and c
     }
     CHECK(different == 0);
   }
+}
+
+TEST_CASE("the glyph for what is missing has its name in a UFO, also from a font without names", "[ufo]") {
+  Font font = glyphs::load_font(bundled_ttf[0]);
+  font.glyphs[0].name = "gid0";
+  const Font ufo = load_ufo("built.ufo", glyphs::build_ufo(font).folder);
+  CHECK(ufo.glyphs[0].name == ".notdef");
+  CHECK(ufo.glyphs[0].contours == glyphs::load_font(bundled_ttf[0]).glyphs[0].contours);
 }
 
 TEST_CASE("no two glyph files differ in case alone, and none is a device", "[ufo]") {
