@@ -4,6 +4,8 @@
 #include <string>
 
 #include "glyphs/font.h"
+#include "glyphs/jobs.h"
+#include "glyphs/sfnt_writer.h"
 #include "glyphs/variation.h"
 
 namespace glyphs {
@@ -41,5 +43,33 @@ struct LoadOptions {
 Font load_font(const std::string& path, const LoadOptions& options = {});
 /// The same from the bytes of a file; `path` is its name.
 Font load_font_bytes(const std::string& path, Bytes data, const LoadOptions& options = {});
+
+/// What is to be written, which a path says by its ending.
+enum class FileKind { TrueType, OpenType, Ufo, Svg };
+
+/// Throws  RequestError if the path ends in none of .ttf, .otf, .ufo, .svg (of a folder, before a slash).
+FileKind file_kind(const std::string& path);
+
+/// The kind that an edited font is written as: that of its outlines.
+///
+/// Throws  RequestError if it cannot be written: a variable font, which is edited at one place of its design space
+///         only, or outlines of CFF2.
+FileKind kind_of(const Font& font);
+
+/// The font with the given glyphs' outlines replaced and nothing else changed, by `write_sfnt` or `write_ufo`.
+WrittenFont write_font(const Font& font, const EditedGlyphs& edited, const WriteOptions& options = {});
+
+struct ConvertOptions {
+  JobOptions jobs;
+  Fractions fractions = Fractions::Round;  ///< coordinates that are no whole numbers, where the kind of curve changes
+  std::vector<int> glyphs;                 ///< of an SVG the one it is of
+};
+
+/// A font as a file of another kind: TrueType as OpenType with CFF outlines, either as a UFO, one glyph as an SVG; or
+/// of its own kind, a face of a collection, a web font or a place of a design space being a font of its own then.
+///
+/// Throws  RequestError if that cannot be done: a UFO is compiled by fontmake, cubics do not become quadratics by this
+///         version, an SVG is of one glyph; FontWriteError as the writers do.
+ConvertedFont convert_font(const Font& font, FileKind kind, const ConvertOptions& options = {});
 
 }  // namespace glyphs

@@ -52,7 +52,8 @@ struct Attempt {
   Contours unrounded;
   Contours rounded;
   std::vector<StepReport> steps;
-  double area = 0.0;  // that the glyph is to have
+  double area = 0.0;                        // that the glyph is to have
+  std::vector<std::vector<int>> came_from;  // per contour and point; none if the structure is the font's
 };
 
 bool has_same_structure(const Contours& a, const Contours& b) {
@@ -129,6 +130,9 @@ class GlyphEditor {
     }
     result.rounded = rounded(result, handles);
     for (const Reference& reference : references_) result.area += signed_area(reference.contour);
+    if (!has_same_structure(result.rounded, original_)) {
+      for (const Reference& reference : references_) result.came_from.push_back(reference.came_from);
+    }
     return result;
   }
 
@@ -323,6 +327,14 @@ class GlyphEditor {
     throw Refusal{text("contour ", index, ": point ", number, " is an arc already")};
   }
 
+  // True if arcs are to be quadratics: in TrueType, and in a UFO where the glyph has curves and they are.
+  bool has_quadratics() const {
+    if (font_.format != OutlineFormat::Ufo) return font_.format == OutlineFormat::TrueType;
+    return std::ranges::any_of(original_, [](const BezierContour& contour) {
+      return std::ranges::count(contour.kinds(), fontcore::PointKind::Quadratic) > 0;
+    });
+  }
+
   // Arcs for corners: the contour so far, as it stands, is what later steps and rounding keep to.
   StepReport soften(const SoftenStep& step, int index, double amount, BezierContour& contour) {
     Reference& reference = references_[static_cast<std::size_t>(index)];
@@ -330,7 +342,7 @@ class GlyphEditor {
     report.op = "soften";
     report.contour = index;
     fontcore::SoftenOptions options{.radius = amount * step.radius, .least_handle = least_handle};
-    options.arcs = font_.format == OutlineFormat::TrueType ? fontcore::ArcKind::Quadratic : fontcore::ArcKind::Cubic;
+    options.arcs = has_quadratics() ? fontcore::ArcKind::Quadratic : fontcore::ArcKind::Cubic;
     std::vector<int>& corners = options.corners.emplace();
     if (step.corners) {
       options.empty = fontcore::EmptyArc::Add;
@@ -666,6 +678,7 @@ GlyphResult restyle_glyph(const Font& font, int id, const Recipe& recipe, const 
     report.crossings_after = static_cast<int>(after.size());
     result.contours = std::move(best.rounded);
     result.unrounded = std::move(best.unrounded);
+    result.came_from = std::move(best.came_from);
     report.steps = std::move(best.steps);
     report.changed = result.contours != glyph.contours;
     if (decomposed && report.changed) {
@@ -751,10 +764,7 @@ void check_recipe(const Font& font, const Recipe& recipe, const std::vector<int>
 }  // namespace
 
 RestyleResult restyle(const Font& font, const Recipe& recipe, const RestyleOptions& options) {
-  if (font.is_variable && !recipe.steps.empty()) {
-    throw FontWriteError(font.path +
-                         ": is variable, and edited at one place of its design space only: give a --location");
-  }
+  kind_of(font);  // what cannot be written is refused before it is worked on
   std::vector<int> selected = select_glyphs(font, recipe.glyphs);
   check_recipe(font, recipe, selected);
   if (options.only) {
@@ -783,10 +793,11 @@ RestyleResult restyle(const Font& font, const Recipe& recipe, const RestyleOptio
     if (glyph.report.crossings_after > 0 && (glyph.report.crossings_before == 0 || was_composite)) {
       writing.overlapping.push_back(glyph.report.glyph);
     }
+    if (!glyph.came_from.empty()) writing.origins.emplace(glyph.report.glyph, std::move(glyph.came_from));
     if (glyph.report.changed) edited.emplace(glyph.report.glyph, std::move(glyph.contours));
     result.glyphs.push_back(std::move(glyph.report));
   }
-  result.font = write_sfnt(font, edited, writing);
+  result.font = write_font(font, edited, writing);
   for (GlyphReport& report : result.glyphs) {
     const auto& dropped = result.font.dropped_instructions;
     if (std::binary_search(dropped.begin(), dropped.end(), report.glyph)) {

@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
+#include "glyphs/font_file.h"
 #include "glyphs/jobs.h"
 #include "glyphs/recipe.h"
-#include "glyphs/sfnt_writer.h"
 
 namespace glyphs {
 
@@ -59,6 +59,8 @@ struct GlyphReport {
 struct GlyphResult {
   std::vector<fontcore::BezierContour> contours;  ///< whole-number coordinates; the input's own where nothing changed
   std::vector<fontcore::BezierContour> unrounded;
+  std::vector<std::vector<int>> came_from;  ///< per contour and point its index in the input, -1 if it is new; none
+                                            ///< where all contours have the structure of the input
   GlyphReport report;
 };
 /// `zones` are heights that the font's letters share; the glyph's own lowest and highest nodes are added if the recipe
@@ -82,8 +84,8 @@ struct RestyleResult {
   int refused() const;
 };
 
-/// Throws  RequestError if a step names a glyph or a contour that does not exist or was not selected; FontWriteError as
-/// write_sfnt does.
+/// Throws  RequestError if a step names a glyph or a contour that does not exist or was not selected, or as `kind_of`
+/// does; FontWriteError as `write_font` does.
 RestyleResult restyle(const Font& font, const Recipe& recipe, const RestyleOptions& options = {});
 
 /// The report of CLI.md, as JSON text; same result, same bytes.

@@ -191,24 +191,28 @@ class Writer {
     return std::move(result_);
   }
 
-  ConvertedFont convert(Fractions fractions) {
+  ConvertedFont convert(Fractions fractions, const JobOptions& jobs) {
     if (!font_.data) fail("the font has no data to be converted");
     if (font_.format != OutlineFormat::TrueType) fail("only fonts with TrueType outlines become CFF");
-    if (font_.is_collection) fail("this version does not write collections");
-    if (font_.is_variable) fail("this version does not write variable fonts");
+    refuse_formats();
+    result_.warnings = font_.warnings;
     open_tables();
     ConvertedFont converted;
     const std::size_t count = font_.glyphs.size();
     converted.deviation.resize(count);
     std::vector<std::vector<BezierContour>> outlines(count);
-    run_jobs(static_cast<int>(count), {}, [&](int id) {
+    run_jobs(static_cast<int>(count), jobs, [&](int id) {
       const auto k = static_cast<std::size_t>(id);
-      if (const Glyph& glyph = glyph_at(id); !glyph.trouble.empty()) fail(id, glyph.trouble);
+      if (!glyph_at(id).trouble.empty()) return;
       outlines[k] = as_cubics(compose(font_, id), fractions);
       converted.deviation[k] = deviation(compose(font_, id), outlines[k]);
     });
     converted.worst = static_cast<int>(std::ranges::max_element(converted.deviation) - converted.deviation.begin());
     for (const Glyph& glyph : font_.glyphs) {
+      if (!glyph.trouble.empty()) {
+        converted.emptied.push_back(glyph.id);
+        result_.warnings.push_back(text(glyph.name, ": comes out empty: ", glyph.trouble));
+      }
       if (glyph.is_composite()) converted.flattened.push_back(glyph.id);
       if (glyph.has_instructions) result_.dropped_instructions.push_back(glyph.id);
       changed_.push_back(glyph.id);
@@ -1023,9 +1027,9 @@ WrittenFont write_sfnt(const Font& font, const EditedGlyphs& edited, const Write
   }
 }
 
-ConvertedFont convert_to_cff(const Font& font, Fractions fractions) {
+ConvertedFont convert_to_cff(const Font& font, Fractions fractions, const JobOptions& jobs) {
   try {
-    return Writer(font, {}).convert(fractions);
+    return Writer(font, {}, {}).convert(fractions, jobs);
   } catch (const Malformed& error) {
     throw FontWriteError(text(font.path, ": ", error.what()));
   } catch (const FontReadError& error) {

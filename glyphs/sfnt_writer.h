@@ -1,17 +1,20 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "glyphs/font.h"
+#include "glyphs/jobs.h"
 
 namespace glyphs {
 
 /// A font ready to be written, and what was done to it beyond the outlines.
 struct WrittenFont {
   Bytes data;
-  std::vector<std::string> changed_tables;  ///< rebuilt, other bytes than before; sorted
+  std::optional<Folder> folder;             ///< of a UFO: all its files, instead of `data`
+  std::vector<std::string> changed_tables;  ///< rebuilt, other bytes than before; of a UFO its files; sorted
   std::vector<std::string> dropped_tables;  ///< made void by the edit: DSIG, hdmx, LTSH, VDMX; sorted
   std::vector<int> dropped_instructions;    ///< glyphs whose TrueType instructions are gone: edited ones, and
                                             ///< composites in which points have other numbers now; sorted
@@ -25,9 +28,13 @@ struct WrittenFont {
 /// in CFF fonts they may have fractions, which are written in steps of 1/65536.
 using EditedGlyphs = std::map<int, std::vector<fontcore::BezierContour>>;
 
+/// For every point of an edited contour the index it had in the font's, rising, -1 if it is new: by glyph and contour.
+using PointOrigins = std::map<int, std::vector<std::vector<int>>>;
+
 struct WriteOptions {
   Composites composites = Composites::Refuse;  ///< what an edited composite means
   std::vector<int> overlapping;                ///< edited glyphs that are to have the overlap flag; sorted
+  PointOrigins origins;                        ///< where points have come from; of a UFO, which keeps their names
 };
 
 /// The font with the given glyphs' outlines replaced and nothing else changed; of a collection the one face, as a
@@ -56,12 +63,14 @@ WrittenFont write_sfnt(const Font& font, const EditedGlyphs& edited, const Write
 /// What becomes of coordinates that are no whole numbers.
 enum class Fractions { Round, Keep };
 
-/// A font with outlines of another kind, and how far they are from the old ones.
+/// A font as another kind of file, and what became of its outlines.
 struct ConvertedFont {
   WrittenFont font;
-  std::vector<int> flattened;     ///< composites that are outlines now; sorted
-  std::vector<double> deviation;  ///< by glyph id: largest distance of the outlines, both ways, font units
-  int worst = 0;                  ///< glyph with the largest
+  std::vector<int> flattened;  ///< composites that are outlines now; sorted
+  std::vector<int> emptied;    ///< glyphs in trouble, which have no outline to be converted; sorted
+  std::vector<double>
+      deviation;   ///< by glyph id: largest distance of the outlines, both ways, font units; may be empty
+  int worst = -1;  ///< glyph with the largest
 };
 
 /// A TrueType font as an OpenType font with CFF outlines: quadratics as the same curves in cubics, run the other way
@@ -73,9 +82,11 @@ struct ConvertedFont {
 /// Every outline stays at its origins. Contours of one point, which draw nothing, are left out. The result has been
 /// read again and compared before it is returned, charstrings by FreeType too.
 ///
-/// Throws  FontWriteError: not a single TrueType font (collection, variable), a glyph in trouble, a coordinate that
+/// A glyph in trouble comes out empty, and is named.
+///
+/// Throws  FontWriteError: no TrueType outlines, variable, a coordinate that does not fit in 16 bits, a result that
 /// does
-///         not fit in 16 bits, a result that does not read back. Names file and glyph.
-ConvertedFont convert_to_cff(const Font& font, Fractions fractions = Fractions::Round);
+///         not read back. Names file and glyph.
+ConvertedFont convert_to_cff(const Font& font, Fractions fractions = Fractions::Round, const JobOptions& jobs = {});
 
 }  // namespace glyphs

@@ -31,9 +31,6 @@ struct WrittenUfo {
   std::vector<std::string> warnings;       ///< what is kept though it may no longer match, or is left out; a line each
 };
 
-/// For every point of an edited contour the index it had in the font's, rising, -1 if it is new: by glyph and contour.
-using PointOrigins = std::map<int, std::vector<std::vector<int>>>;
-
 /// The UFO that the font was read from, with the given glyphs' outlines replaced and nothing else changed.
 ///
 /// In an edited glyph's file only the coordinates of moved points change, digit by digit; names, identifiers, flags,

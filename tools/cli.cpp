@@ -77,7 +77,9 @@ struct Options {
   commands::RestyleRequest restyle;
   std::string family_recipe;
   std::string output_dir;
+  commands::ConvertRequest convert;
   commands::ProofRequest proof;
+  double tolerance = 0.0;
 };
 
 /// One subcommand: its name and words, its own options, what it does.
@@ -95,13 +97,13 @@ CLI::Option* add_output(CLI::App& app, Options& options, const char* help) {
 /// Options and commands that CLI users know and this version lacks are refused by name, not as unknown.
 [[noreturn]] void refuse(const std::string& what) { throw RequestError(what + ": not in this version"); }
 
-constexpr std::array<Command, 5> table{{
+constexpr std::array<Command, 6> table{{
     {"inspect", "per glyph and contour: points, segments, corners, model, area, length", [](CLI::App&, Options&) {},
      [](const Options& options) { return commands::inspect(options.request); }},
-    {"restyle", "apply a recipe to a font",
+    {"restyle", "apply a recipe to a font or a UFO",
      [](CLI::App& app, Options& options) {
        app.add_option("RECIPE", options.restyle.recipe, "the recipe, JSON");
-       add_output(app, options, "the new font, .ttf or .otf as FONT is; may be FONT itself");
+       add_output(app, options, "the new font, .ttf, .otf or .ufo as FONT; may be FONT itself");
        app.add_option("--report", options.restyle.report, "what became of every glyph, JSON");
        app.add_option("--proof", options.restyle.proof, "changed glyphs before and after, .png, .pdf or .svg");
        app.add_flag("--strict", options.restyle.strict, "any refused glyph: exit status 1 and no output");
@@ -122,6 +124,18 @@ constexpr std::array<Command, 5> table{{
     {"area", "areas of glyphs: area measure FONT",
      [](CLI::App& app, Options& options) { add_output(app, options, "the baseline, JSON"); },
      [](const Options& options) { return commands::measure_area(options.request, options.output); }},
+    {"convert", "a font as another kind of file: TrueType as OpenType, either as a UFO, one glyph as an SVG",
+     [](CLI::App& app, Options& options) {
+       app.add_option("OUT", options.convert.output, "the new file, .otf, .ttf, .ufo or .svg")->required();
+       app.add_flag("--fractional", options.convert.fractional,
+                    "keep fractions of coordinates, in steps of 1/65536, where quadratics become cubics");
+       app.add_flag("--strict", options.convert.strict, "any glyph that cannot be read: exit status 1 and no output");
+       app.add_option("--tolerance", options.tolerance)->group("");
+     },
+     [](const Options& options) {
+       if (options.tolerance != 0.0) refuse("convert --tolerance");
+       return commands::convert(options.request, options.convert);
+     }},
     {"proof", "a picture of set text or of single glyphs, before and after overlaid",
      [](CLI::App& app, Options& options) {
        add_output(app, options, "the picture, .png, .pdf or .svg")->required();
@@ -137,7 +151,7 @@ constexpr std::array<Command, 5> table{{
 
 void add_common_options(CLI::App& app, Options& options) {
   Request& request = options.request;
-  app.add_option("FONT", request.font, "a font file, .ttf, .otf, .ttc, .woff or .woff2")->required();
+  app.add_option("FONT", request.font, "a font: TTF, OTF, TTC, OTC, WOFF, WOFF2 or a UFO folder")->required();
   app.add_option("--glyphs", request.glyphs,
                  "names, code points and ranges (U+0041-005A), gid:12, @file; comma separated; repeatable");
   app.add_option("--text", request.text, "the glyphs that setting this text needs");
@@ -192,7 +206,7 @@ int run_program(int count, char** arguments) {
     command.add_options(*sub, options);
     sub->callback([&] { outcome = run(command, options); });
   }
-  for (const char* later : {"simplify", "character", "weight", "convert"})
+  for (const char* later : {"simplify", "character", "weight"})
     app.add_subcommand(later, "not in this version")->allow_extras()->group("")->callback([later] { refuse(later); });
 
   try {

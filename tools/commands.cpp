@@ -14,6 +14,7 @@
 #include "glyphs/recipe.h"
 #include "glyphs/restyle.h"
 #include "glyphs/safe_file.h"
+#include "glyphs/ufo.h"
 
 namespace commands {
 
@@ -174,7 +175,24 @@ Outcome measure_area(const Request& request, const std::string& output) {
 
 namespace {
 
-/// What changed, in ten lines or fewer.
+std::vector<std::string> names(const Font& font, const std::vector<int>& glyphs) {
+  std::vector<std::string> list;
+  for (const int glyph : glyphs) list.push_back(font.glyphs[static_cast<std::size_t>(glyph)].name);
+  return list;
+}
+
+/// What was rebuilt and dropped, and what there is to know about it.
+std::string what_changed(const Font& font, const glyphs::WrittenFont& written) {
+  const auto listed = [](const std::vector<std::string>& tags) { return tags.empty() ? "none" : join(tags, " "); };
+  std::string out = font.format == glyphs::OutlineFormat::Ufo
+                        ? text("files changed: ", few(written.changed_tables), "\n")
+                        : text("tables rebuilt: ", listed(written.changed_tables),
+                               "; dropped: ", listed(written.dropped_tables), "\n");
+  for (const std::string& warning : written.warnings) out += "warning: " + warning + "\n";
+  return out;
+}
+
+/// What changed, in some ten lines.
 std::string summary(const Request& request, const RestyleRequest& restyle, const Font& font,
                     const glyphs::RestyleResult& result) {
   std::vector<std::string> reduced;
@@ -210,13 +228,14 @@ std::string summary(const Request& request, const RestyleRequest& restyle, const
                 " (", exact(worst->area_target), " wished, ", exact(worst->area_after), " got)\n");
     out += text("segments kept bit for bit: ", kept, " of ", segments, "\n");
   }
-  out += text("tables rebuilt: ", result.font.changed_tables.empty() ? "none" : join(result.font.changed_tables, " "),
-              "; dropped: ", result.font.dropped_tables.empty() ? "none" : join(result.font.dropped_tables, " "), "\n");
+  out += what_changed(font, result.font);
   if (!result.font.dropped_instructions.empty() || !result.font.moved_composites.empty())
     out += text("instructions dropped from ", count(result.font.dropped_instructions.size(), "glyph"),
                 "; box moved of ", count(result.font.moved_composites.size(), "composite"), "\n");
   if (!result.font.dropped_hints.empty())
     out += text("hints dropped from ", count(result.font.dropped_hints.size(), "glyph"), "\n");
+  if (!result.font.decomposed.empty())
+    out += text("composites decomposed: ", few(names(font, result.font.decomposed)), "\n");
   std::vector<std::string> written{restyle.output};
   for (const std::string& path : {restyle.report, restyle.proof})
     if (!path.empty()) written.push_back(path);
@@ -225,10 +244,21 @@ std::string summary(const Request& request, const RestyleRequest& restyle, const
 
 }  // namespace
 
+namespace {
+
+/// Edited fonts keep their kind of outlines, and the ending that goes with it.
+void require_kind(const Font& font, glyphs::FileKind kind, const std::string& output) {
+  using glyphs::FileKind;
+  const FileKind own = glyphs::kind_of(font);
+  if (kind == own || (font.format == glyphs::OutlineFormat::None && kind == FileKind::OpenType)) return;
+  const char* const ending = own == FileKind::Ufo ? ".ufo" : own == FileKind::OpenType ? ".otf" : ".ttf";
+  throw RequestError(text(output, ": ", font.path, " keeps its kind of outlines, so the output's ending is ", ending));
+}
+
+}  // namespace
+
 Outcome restyle(const Request& request, const RestyleRequest& restyle) {
-  if (!restyle.output.ends_with(".ttf") && !restyle.output.ends_with(".otf"))
-    throw RequestError(restyle.output +
-                       ": the output's ending chooses its format; only .ttf and .otf are in this version");
+  const glyphs::FileKind kind = glyphs::file_kind(restyle.output);
   check_outputs({}, {restyle.output, restyle.report, restyle.proof});
   check_outputs({request.font, restyle.recipe}, {restyle.report, restyle.proof});
   check_outputs({restyle.recipe}, {restyle.output});
@@ -236,16 +266,12 @@ Outcome restyle(const Request& request, const RestyleRequest& restyle) {
 
   const glyphs::Recipe recipe = glyphs::load_recipe(restyle.recipe);
   const Font font = load(request);
-  if (font.format != glyphs::OutlineFormat::TrueType && font.format != glyphs::OutlineFormat::Cff)
-    throw RequestError(request.font + ": only fonts with TrueType or CFF outlines are restyled in this version");
-  const std::string ending = font.format == glyphs::OutlineFormat::Cff ? ".otf" : ".ttf";
-  if (!restyle.output.ends_with(ending))
-    throw RequestError(restyle.output + ": the font's outlines are kept as they are, so its ending is " + ending);
+  require_kind(font, kind, restyle.output);
 
   glyphs::RestyleOptions options;
   options.jobs = request.jobs;
   if (request.text || !request.glyphs.empty()) options.only = selected(request, font);
-  const glyphs::RestyleResult result = naming(request.font, [&] { return glyphs::restyle(font, recipe, options); });
+  glyphs::RestyleResult result = naming(request.font, [&] { return glyphs::restyle(font, recipe, options); });
 
   if (restyle.strict && result.refused() > 0) {
     std::vector<std::string> refused;
@@ -256,7 +282,7 @@ Outcome restyle(const Request& request, const RestyleRequest& restyle) {
   }
 
   const std::string report = glyphs::report_json(font, result);
-  std::vector<glyphs::PendingFile> files{{restyle.output, result.font.data}};
+  std::vector<glyphs::PendingFile> files;
   if (!restyle.report.empty()) files.push_back({restyle.report, {report.begin(), report.end()}});
   if (!restyle.proof.empty()) {
     std::vector<int> changed;
@@ -265,12 +291,65 @@ Outcome restyle(const Request& request, const RestyleRequest& restyle) {
     // With nothing changed the proof shows what was looked at.
     if (changed.empty())
       for (const glyphs::GlyphReport& glyph : result.glyphs) changed.push_back(glyph.glyph);
-    const Font after = glyphs::load_font_bytes(restyle.output, result.font.data);
+    const Font after = result.font.folder ? glyphs::load_ufo(restyle.output, *result.font.folder)
+                                          : glyphs::load_font_bytes(restyle.output, result.font.data);
     files.push_back({restyle.proof, glyphs::draw_glyph_proof(after, font, changed, proof_format)});
   }
+  files.push_back({restyle.output, std::move(result.font.data), std::move(result.font.folder)});
   glyphs::write_files(files);
   if (request.json) return {report, "", 0};
   return {request.quiet ? "" : summary(request, restyle, font, result), "", 0};
+}
+
+Outcome convert(const Request& request, const ConvertRequest& convert) {
+  using glyphs::FileKind;
+  const FileKind kind = glyphs::file_kind(convert.output);
+  const Font font = load(request);
+  glyphs::ConvertOptions options{.jobs = request.jobs};
+  if (convert.fractional) options.fractions = glyphs::Fractions::Keep;
+  if (kind == FileKind::Svg)
+    options.glyphs = selected(request, font);
+  else if (request.text || !request.glyphs.empty())
+    throw RequestError(convert.output + ": every glyph is converted; --glyphs and --text choose that of an SVG");
+  glyphs::ConvertedFont converted = glyphs::convert_font(font, kind, options);
+  if (convert.strict && !converted.emptied.empty()) {
+    return {"",
+            text(request.font, ": ", count(converted.emptied.size(), "glyph"),
+                 " cannot be read, nothing written: ", few(names(font, converted.emptied))),
+            1};
+  }
+  glyphs::write_files({{convert.output, std::move(converted.font.data), std::move(converted.font.folder)}});
+
+  const bool has_deviation = converted.worst >= 0;
+  const std::string worst = has_deviation ? font.glyphs[static_cast<std::size_t>(converted.worst)].name : std::string();
+  const double deviation = has_deviation ? converted.deviation[static_cast<std::size_t>(converted.worst)] : 0.0;
+  if (request.json) {
+    nlohmann::ordered_json json{{"version", 1},
+                                {"written", {convert.output}},
+                                {"glyphs", font.glyphs.size()},
+                                {"deviation", deviation},
+                                {"worst", has_deviation ? nlohmann::ordered_json(worst) : nullptr},
+                                {"flattened", names(font, converted.flattened)},
+                                {"emptied", names(font, converted.emptied)},
+                                {"changed_tables", converted.font.changed_tables},
+                                {"dropped_tables", converted.font.dropped_tables},
+                                {"dropped_instructions", names(font, converted.font.dropped_instructions)},
+                                {"warnings", converted.font.warnings}};
+    return {json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n", "", 0};
+  }
+  if (request.quiet) return {};
+  std::string out;
+  if (has_deviation)
+    out += text("largest deviation: ", rounded(deviation, 3), " of ", font.units_per_em, " units per em, in ", worst,
+                "\n");
+  if (!converted.flattened.empty()) out += "composites flattened: " + few(names(font, converted.flattened)) + "\n";
+  if (!converted.font.dropped_instructions.empty())
+    out += text("instructions dropped from ", count(converted.font.dropped_instructions.size(), "glyph"), "\n");
+  if (kind != FileKind::Ufo && kind != FileKind::Svg)
+    out += what_changed(font, converted.font);
+  else
+    for (const std::string& warning : converted.font.warnings) out += "warning: " + warning + "\n";
+  return {out + "written: " + convert.output + "\n", "", 0};
 }
 
 namespace {

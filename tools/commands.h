@@ -49,6 +49,13 @@ struct RestyleRequest {
 };
 Outcome restyle(const Request& request, const RestyleRequest& restyle);
 
+struct ConvertRequest {
+  std::string output;
+  bool fractional = false;  ///< coordinates keep their fractions
+  bool strict = false;
+};
+Outcome convert(const Request& request, const ConvertRequest& convert);
+
 struct ProofRequest {
   std::string output;
   std::string against;            ///< empty: nothing to compare with
