@@ -250,14 +250,24 @@ Keep read_keep(const Json& json) {
   return keep;
 }
 
+// What a recipe may be: far more than any is, and read within a second and some hundred megabytes.
+constexpr std::size_t most_bytes = std::size_t{16} << 20;
+constexpr int most_nested = 32;
+constexpr std::size_t most_keys = 1000;  // of one object, whose keys are searched one by one
+
 // JSON as RFC 8259 has it; a key given twice is refused, since only one of the two could be honoured.
 Json parse_json(const std::string& json) {
+  if (json.size() > most_bytes) throw RequestError(text("is larger than ", most_bytes, " bytes"));
   std::vector<std::set<std::string>> open;
-  const auto watch = [&](int, Json::parse_event_t event, Json& value) {
+  const auto watch = [&](int depth, Json::parse_event_t event, Json& value) {
+    if (depth > most_nested) throw RequestError(text("nests deeper than ", most_nested));
     if (event == Json::parse_event_t::object_start) open.emplace_back();
     if (event == Json::parse_event_t::object_end) open.pop_back();
     if (event == Json::parse_event_t::key && !open.back().insert(value.get<std::string>()).second) {
       throw RequestError(value.get<std::string>() + ": given twice");
+    }
+    if (event == Json::parse_event_t::key && open.back().size() > most_keys) {
+      throw RequestError(text("an object has more than ", most_keys, " keys"));
     }
     return true;
   };
@@ -312,7 +322,10 @@ Recipe parse_recipe(const std::string& json, const std::string& name) {
   try {
     return read_recipe(json);
   } catch (const RequestError& error) {
-    throw RequestError(name + ": " + error.what());
+    std::string why = error.what();  // with keys and values of the recipe, which may hold anything
+    std::replace_if(
+        why.begin(), why.end(), [](char c) { return (c >= 0 && c < ' ') || c == 0x7F; }, '?');
+    throw RequestError(name + ": " + why);
   }
 }
 

@@ -162,6 +162,14 @@ TEST_CASE("a recipe that cannot be read is named", "[recipe]") {
   CHECK_THROWS_AS(load_recipe(GLYPHWAVE_SOURCE_DIR), RequestError);
 }
 
+TEST_CASE("a recipe larger than any is refused before it fills the memory", "[recipe]") {
+  std::string keys;
+  for (int key = 0; key < 2000; ++key) keys += fontcore::text(key ? "," : "", '"', key, "\": 0");
+  for (const std::string& json : {std::string(100'000, '['), "{" + keys + "}", std::string(17'000'000, ' ')}) {
+    CHECK_THROWS_AS(parse_recipe(json, "large.json"), RequestError);
+  }
+}
+
 TEST_CASE("glyphs are selected by name, code point, range and glyph id, each once", "[recipe]") {
   const int a = serif().find("a");
   const int b = serif().find("b");
