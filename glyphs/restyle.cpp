@@ -612,15 +612,22 @@ std::optional<Glyph> without_components(const Font& font, const Glyph& glyph, co
   return result;
 }
 
-std::string parts_of(const Font& font, const Glyph& glyph) {
-  std::vector<std::string> names;
-  for (const Component& part : glyph.components) {
-    const std::string& name = font.glyphs[static_cast<std::size_t>(part.glyph)].name;
-    if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
-  }
+std::string list_of(const Font& font, const std::vector<int>& glyphs) {
   std::string list;
-  for (const std::string& name : names) list += (list.empty() ? "" : ", ") + name;
+  for (const int id : glyphs) list += (list.empty() ? "" : ", ") + font.glyphs[static_cast<std::size_t>(id)].name;
   return list;
+}
+
+// The names of a composite's parts, each once, the first few of them.
+std::string parts_of(const Font& font, const Glyph& glyph) {
+  constexpr std::size_t shown = 8;
+  std::vector<int> parts;
+  for (const Component& part : glyph.components) {
+    if (std::find(parts.begin(), parts.end(), part.glyph) != parts.end()) continue;
+    if (parts.size() == shown) return list_of(font, parts) + " and more";
+    parts.push_back(part.glyph);
+  }
+  return list_of(font, parts);
 }
 
 }  // namespace
