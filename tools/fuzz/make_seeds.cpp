@@ -7,6 +7,7 @@
 #include "tests/bundled_fonts.h"
 #include "tests/glyphs/sfnt_bytes.h"
 #include "tests/glyphs/subset.h"
+#include "tools/fuzz/small_ufo.h"
 
 namespace {
 
@@ -31,17 +32,30 @@ glyphs::Bytes composites() {
 
 int main(int count, char** arguments) {
   if (count != 2) {
-    std::fputs("make_seeds FOLDER: it gets sfnt/\n", stderr);
+    std::fputs("make_seeds FOLDER: it gets sfnt/, cff/ and ufo/\n", stderr);
     return 2;
   }
-  const std::filesystem::path folder = std::filesystem::path(arguments[1]) / "sfnt";
-  std::filesystem::create_directories(folder);
+  const std::filesystem::path folder = arguments[1];
+  const auto write = [&](const char* kind, const std::string& name, const glyphs::Bytes& bytes) {
+    std::filesystem::create_directories(folder / kind);
+    glyphs::write_file((folder / kind / name).string(), bytes);
+  };
   for (const std::string& path : bundled_fonts()) {
     const std::filesystem::path from = path;
     for (const auto& [what, characters] : {std::pair{"l", U"l"}, std::pair{"oAacute", U"o\u00C1"}}) {
-      const std::string file = from.stem().string() + "-" + what + from.extension().string();
-      glyphs::write_file((folder / file).string(), subset_of(path, characters));
+      const std::string name = from.stem().string() + "-" + what;
+      const glyphs::Bytes font = subset_of(path, characters);
+      write("sfnt", name + from.extension().string(), font);
+      const auto tables = tables_of(font);
+      if (const auto cff = tables.find("CFF "); cff != tables.end()) write("cff", name + ".cff", cff->second);
     }
   }
-  glyphs::write_file((folder / "composites.ttf").string(), composites());
+  write("sfnt", "composites.ttf", composites());
+  const glyphs::Folder ufo = small_ufo();
+  unsigned char number = 0;
+  for (const auto& [name, content] : ufo) {
+    glyphs::Bytes bytes{number++};
+    bytes.insert(bytes.end(), content.begin(), content.end());
+    write("ufo", std::filesystem::path(name).filename().string(), bytes);
+  }
 }
