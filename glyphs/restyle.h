@@ -23,7 +23,7 @@ struct StepReport {
   int contour = 0;
   std::vector<HandleReport> handles;
   double level = 0.0;                ///< fractional level j + t of the edit
-  int levels = 0;                    ///< level of the finest control points
+  int levels = 0;                    ///< level of the finest control points, of a sweep's model or of any arc
   std::vector<std::string> against;  ///< what stood against the wish, by name; empty if it was met
   double energy_before = 0.0;        ///< of a smooth step: bending energy of the contour's model, 1 / font units
   double energy_after = 0.0;
