@@ -174,6 +174,8 @@ Font load_font(const std::string& path, const LoadOptions& options) {
     // Before all files of some other folder are read.
     const bool is_ufo = ::stat((path + "/metainfo.plist").c_str(), &status) == 0 || errno != ENOENT;
     if (!is_ufo) throw FontReadError(text(path, ": is a folder without metainfo.plist, so it is no UFO"));
+    if (options.face != 0) throw FontReadError(text(path, ": is a UFO, one font; there is no face ", options.face));
+    if (!options.location.empty()) throw FontReadError(path + ": is a UFO, not a variable font; it has no location");
     return load_ufo(path, read_folder(path));
   }
   return load_font_bytes(path, read_file(path), options);

@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <string>
@@ -103,6 +104,7 @@ void check_refusal(const Run& run, const std::vector<std::string>& words) {
 }
 
 const std::string& serif = bundled_ttf[0];
+const std::string letters_list = "U+0041-005A,U+0061-007A";
 
 /// A recipe that moves the given glyphs by `strength` of a visible amount.
 std::string recipe_for(const std::string& glyphs, double strength, const std::string& more = "") {
@@ -249,6 +251,94 @@ TEST_CASE("restyle gives font, report and proof, the same for every number of th
   CHECK(report["version"] == 1);
   CHECK(report["glyphs"].size() == 4);
   CHECK(glyphwave({"inspect", folder / "1.ttf", "--glyphs", "a,o,e,n"}).status == 0);
+}
+
+/// All files below a folder, by their paths in it.
+std::map<std::string, std::string> tree(const fs::path& folder) {
+  std::map<std::string, std::string> files;
+  for (const auto& entry : fs::recursive_directory_iterator(folder))
+    if (entry.is_regular_file()) files[fs::relative(entry.path(), folder).string()] = contents(entry.path());
+  return files;
+}
+
+TEST_CASE("convert makes OpenType of TrueType, UFOs of both, an SVG of a glyph", "[cli]") {
+  const Folder folder;
+  const Run otf = glyphwave({"convert", serif, folder / "o.otf"});
+  CAPTURE(otf.err);
+  REQUIRE(otf.status == 0);
+  CHECK_THAT(otf.out, Catch::Contains("largest deviation: 0."));
+  CHECK_THAT(otf.out, Catch::Contains("dropped: cvt fpgm glyf loca prep"));
+  const Run exact = glyphwave({"convert", serif, folder / "exact.otf", "--fractional", "--json"});
+  REQUIRE(exact.status == 0);
+  const json told = json::parse(exact.out);
+  CHECK(told["deviation"].get<double>() < 1e-4);
+  CHECK(told["flattened"].size() > 100);
+  const json before = json::parse(glyphwave({"area", "measure", serif, "--json", "--glyphs", letters_list}).out);
+  const json after =
+      json::parse(glyphwave({"area", "measure", folder / "exact.otf", "--json", "--glyphs", letters_list}).out);
+  for (std::size_t i = 0; i < before["glyphs"].size(); ++i)  // PostScript's contours run the other way
+    CHECK(-after["glyphs"][i]["area"].get<double>() == Approx(before["glyphs"][i]["area"].get<double>()).epsilon(1e-6));
+
+  for (const std::string& font : {serif, bundled_otf[0]}) {
+    CAPTURE(font);
+    const Run ufo = glyphwave({"convert", font, folder / "u.ufo"});
+    REQUIRE(ufo.status == 0);
+    CHECK_THAT(ufo.out, Catch::Contains("GPOS"));
+    const json drawn = json::parse(glyphwave({"area", "measure", font, "--json"}).out);
+    const json source = json::parse(glyphwave({"area", "measure", folder / "u.ufo", "--json"}).out);
+    REQUIRE(drawn["glyphs"].size() == source["glyphs"].size());
+    for (std::size_t i = 0; i < drawn["glyphs"].size(); ++i) {
+      CHECK(drawn["glyphs"][i]["name"] == source["glyphs"][i]["name"]);
+      CHECK(drawn["glyphs"][i]["area"].get<double>() == Approx(source["glyphs"][i]["area"].get<double>()));
+    }
+  }
+  REQUIRE(glyphwave({"convert", serif, folder / "a.svg", "--glyphs", "a"}).status == 0);
+  CHECK_THAT(contents(folder / "a.svg"), Catch::StartsWith("<svg") && Catch::Contains("<path d=\"M"));
+
+  const auto files = folder.files();
+  check_refusal(glyphwave({"convert", folder / "u.ufo", folder / "x.ttf"}), {"fontmake -u", "u.ufo"});
+  check_refusal(glyphwave({"convert", folder / "o.otf", folder / "x.ttf"}), {"o.otf", "cubics"});
+  check_refusal(glyphwave({"convert", serif, folder / "x.svg"}), {"LiberationSerif", "one glyph"});
+  check_refusal(glyphwave({"convert", serif, folder / "x.woff"}), {"x.woff", "ending"});
+  check_refusal(glyphwave({"convert", serif, folder / "x.otf", "--glyphs", "a"}), {"every glyph is converted"});
+  check_refusal(glyphwave({"convert", serif, folder / "x.otf", "--tolerance", "2"}), {"--tolerance"});
+  CHECK(folder.files() == files);
+}
+
+TEST_CASE("a UFO is restyled in place, and only the glyphs that changed have other bytes", "[cli]") {
+  const Folder folder;
+  REQUIRE(glyphwave({"convert", serif, folder / "u.ufo", "-q"}).status == 0);
+  const auto before = tree(folder / "u.ufo");
+  put(folder / "none.json", R"({"steps": []})");
+  REQUIRE(glyphwave({"restyle", folder / "u.ufo", folder / "none.json", "-o", folder / "same.ufo"}).status == 0);
+  CHECK(tree(folder / "same.ufo") == before);
+
+  put(folder / "r.json", recipe_for("a,o", 1));
+  const Run run = glyphwave({"restyle", folder / "u.ufo", folder / "r.json", "-o", folder / "u.ufo", "--report",
+                             folder / "report.json", "--proof", folder / "p.png"});
+  CAPTURE(run.err);
+  REQUIRE(run.status == 0);
+  CHECK_THAT(run.out, Catch::Contains("files changed: glyphs/a.glif, glyphs/o.glif"));
+  const auto after = tree(folder / "u.ufo");
+  REQUIRE(after.size() == before.size());
+  for (const auto& [name, bytes] : after) {
+    CAPTURE(name);
+    CHECK((bytes == before.at(name)) == (name != "glyphs/a.glif" && name != "glyphs/o.glif"));
+  }
+  CHECK(folder.files() == std::vector<std::string>{"none.json", "p.png", "r.json", "report.json", "same.ufo", "u.ufo"});
+  check_refusal(glyphwave({"restyle", folder / "u.ufo", folder / "r.json", "-o", folder / "x.ttf"}), {"u.ufo", ".ufo"});
+  check_refusal(glyphwave({"inspect", folder / "u.ufo", "--face", "1"}), {"u.ufo", "no face 1"});
+  check_refusal(glyphwave({"inspect", folder / "u.ufo", "--location", "wght=650"}), {"u.ufo", "not a variable font"});
+}
+
+TEST_CASE("a CFF font is restyled as one, and its ending says so", "[cli]") {
+  const Folder folder;
+  put(folder / "r.json", R"({"glyphs": "a,o,n", "steps": [{"op": "smooth", "scale": 300}]})");
+  const Run run = glyphwave({"restyle", bundled_otf[0], folder / "r.json", "-o", folder / "o.otf"});
+  CAPTURE(run.err);
+  REQUIRE(run.status == 0);
+  CHECK_THAT(run.out, Catch::Contains("tables rebuilt: CFF"));
+  check_refusal(glyphwave({"restyle", bundled_otf[0], folder / "r.json", "-o", folder / "o.ttf"}), {"o.ttf", ".otf"});
 }
 
 TEST_CASE("the demo's recipe changes every glyph it names and keeps their areas", "[cli]") {
