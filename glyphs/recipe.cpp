@@ -409,7 +409,7 @@ std::vector<int> select_glyphs(const Font& font, const std::string& selection) {
   std::set<int> selected;
   if (selection.empty()) {
     for (const Glyph& glyph : font.glyphs) {
-      if (font.has_outline(glyph.id)) selected.insert(glyph.id);
+      if (font.has_outline(glyph.id) || !glyph.trouble.empty()) selected.insert(glyph.id);
     }
   } else {
     select_list(font, selection, true, selected);

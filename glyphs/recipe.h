@@ -108,7 +108,8 @@ Recipe parse_recipe(const std::string& json, const std::string& name);
 Recipe load_recipe(const std::string& path);
 
 /// The glyph ids a selection names, sorted, each once: names (`a`, `f_f_i`), code points and ranges (`U+0041-005A`),
-/// `gid:12`, `@file` (one selection a line), comma separated. Empty: all glyphs with outlines.
+/// `gid:12`, `@file` (one selection a line), comma separated. Empty: all glyphs with outlines, and those whose outlines
+/// cannot be read.
 ///
 /// Throws  RequestError naming what is unknown. A range may have gaps, but must find something.
 std::vector<int> select_glyphs(const Font& font, const std::string& selection);

@@ -188,6 +188,15 @@ TEST_CASE("what lies on whole numbers already is not rounded to others", "[fit]"
   CHECK_THROWS_AS(round_keeping_area(contour, shapes::square(600), {}, {}), InvalidInput);
 }
 
+TEST_CASE("what a zone holds is where it was, whatever the solver left on it", "[fit]") {
+  const BezierContour before = shapes::square(600);
+  fontcore::Points points = before.points();
+  points.row(1) << 610.3, 4.6e-18;  // moved along the zone
+  const Rounding rounding =
+      round_keeping_area(before.with_points(points), before, {.zones = {0.0, 600.0}}, {.area = 363000, .scale = 1.0});
+  CHECK(rounding.contour.point(1).y() == 0.0);
+}
+
 TEST_CASE("points that are new are rounded though they have not moved, whole ones of the font stay", "[fit]") {
   const Softened softened = soften(reverse(shapes::square(600)), {.radius = 33.3, .arcs = ArcKind::Quadratic});
   const BezierContour& contour = softened.contour;
