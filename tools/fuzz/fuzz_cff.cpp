@@ -18,7 +18,7 @@ std::optional<glyphs::Bytes> encoded(const Charstring& charstring) {
   const auto contours = glyphs::sfnt::snap(charstring.contours);
   glyphs::Bytes bytes;
   try {
-    bytes = encode_charstring(contours, charstring.is_closed_by_line, charstring.width);
+    bytes = glyphs::sfnt::encode_charstring(contours, charstring.is_closed_by_line, charstring.width);
   } catch (const glyphs::sfnt::Malformed&) {
     return {};
   }
