@@ -403,11 +403,12 @@ class WholeNumbers {
         unknown_[v] = id->second;
         const auto k = static_cast<std::size_t>(id->second);
         const double at = edited.points()(p, axis);
-        if (!moved || (held[v] && !(is_new && at != std::floor(at)))) {
+        // What a rule holds is where it was, but for the rounding of what solved it; what another step moved is not.
+        const double before = original.points()(p, axis);
+        const bool stays = is_new ? at == std::floor(at) : std::abs(at - before) < 1e-9;
+        if (!moved || (held[v] && stays)) {
           locked_[k] = true;
-          // What a rule holds is where it was, but for the rounding of what solved it.
-          const double before = original.points()(p, axis);
-          exact_[k] = std::abs(at - before) < 1e-9 ? before : at;
+          exact_[k] = is_new ? at : before;
         }
       }
     }

@@ -480,6 +480,24 @@ TEST_CASE("the same recipe gives the same font and report for every number of th
   CHECK(report_json(font, a) == report_json(font, b));
 }
 
+TEST_CASE("a step after another leaves whole numbers on every point", "[restyle]") {
+  // Smoothing bends what was flat at a zone, and the sweep after it may then move it off.
+  const Font font = load_font(bundled_ttf[0]);
+  Recipe recipe;
+  recipe.steps = {SmoothStep{.scale = 40}, SweepStep{.near = {300, 300}, .move = {15, 10}, .breadth = 400}};
+  const std::vector<double> zones = alignment_zones(font);
+  for (int id = 760; id < 800; ++id) {
+    const GlyphResult result = restyle_glyph(font, id, recipe, zones);
+    CAPTURE(result.report.name);
+    for (const fontcore::BezierContour& contour : result.contours) {
+      for (int i = 0; i < contour.point_count(); ++i) {
+        if (contour.kind(i) == fontcore::PointKind::ImpliedNode) continue;
+        CHECK(contour.point(i) == contour.point(i).array().round().matrix());
+      }
+    }
+  }
+}
+
 TEST_CASE("the report has the keys that others rely on, a line a glyph", "[restyle]") {
   const Font font = load_font(bundled_ttf[0]);
   Recipe recipe = recipe_of(step_at({300, 300}, {20, 0}, 500));
