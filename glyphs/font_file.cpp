@@ -215,6 +215,7 @@ WrittenFont written(WrittenUfo ufo) {
   font.folder = std::move(ufo.folder);
   font.changed_tables = std::move(ufo.changed_files);
   font.moved_composites = std::move(ufo.moved_composites);
+  font.decomposed = std::move(ufo.decomposed);
   font.warnings = std::move(ufo.warnings);
   return font;
 }
@@ -279,7 +280,7 @@ FileKind kind_of(const Font& font) {
 }
 
 WrittenFont write_font(const Font& font, const EditedGlyphs& edited, const WriteOptions& options) {
-  if (font.format == OutlineFormat::Ufo) return written(write_ufo(font, edited, options.origins));
+  if (font.format == OutlineFormat::Ufo) return written(write_ufo(font, edited, options));
   return write_sfnt(font, edited, options);
 }
 

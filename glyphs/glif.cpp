@@ -113,6 +113,8 @@ class GlifParser {
     component.placement.linear << entry("xScale", 1.0), entry("yxScale", 0.0), entry("xyScale", 0.0),
         entry("yScale", 1.0);
     component.placement.shift = Point(entry("xOffset", 0.0), entry("yOffset", 0.0));
+    component.is_named = !xml::attribute(element, "identifier").empty();
+    component.element = element_span(element);
     glif_.components.push_back(std::move(component));
   }
 

@@ -41,6 +41,8 @@ struct GlifContour {
 struct GlifComponent {
   std::string base;
   fontcore::Affine placement;
+  bool is_named = false;  ///< it has an identifier
+  Span element;
 };
 
 /// A glyph's file as far as it is understood, with the places of what may be changed.

@@ -657,7 +657,9 @@ GlyphResult restyle_glyph(const Font& font, int id, const Recipe& recipe, const 
   report.area_before = report.area_target = report.area_unrounded = report.area_after = signed_area(glyph.contours);
   try {
     if (!glyph.trouble.empty()) throw Refusal{glyph.trouble};
-    if (glyph.is_composite()) throw Refusal{"it is a composite; edit its parts: " + parts_of(font, glyph)};
+    // In a UFO a composite may have contours of its own, which are edited beside its components.
+    if (glyph.is_composite() && glyph.contours.empty())
+      throw Refusal{"it is a composite; edit its parts: " + parts_of(font, glyph)};
     GlyphEditor editor(font, glyph, recipe, zones);
     if (!editor.has_work() || glyph.contours.empty()) return result;
 

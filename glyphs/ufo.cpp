@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <cstring>
 #include <memory>
 #include <optional>
 #include <set>
@@ -303,8 +304,8 @@ std::vector<int> match_points(const BezierContour& before, const std::vector<int
 
 class Writer {
  public:
-  Writer(const Font& font, const EditedGlyphs& edited, const PointOrigins& origins)
-      : font_(font), edited_(edited), origins_(origins) {}
+  Writer(const Font& font, const EditedGlyphs& edited, const WriteOptions& options)
+      : font_(font), edited_(edited), options_(options) {}
 
   WrittenUfo write() {
     if (!font_.folder) fail("the font was not read from a UFO");
@@ -319,7 +320,7 @@ class Writer {
     for (const int id : changed_) rewrite(id);
     std::sort(result_.changed_files.begin(), result_.changed_files.end());
     for (const int id : dependents(font_, changed_)) {
-      if (glyph_at(id).is_composite()) result_.moved_composites.push_back(id);
+      if (glyph_at(id).is_composite() && !is_decomposed(id)) result_.moved_composites.push_back(id);
     }
     warn();
     return std::move(result_);
@@ -337,8 +338,10 @@ class Writer {
       }
       const Glyph& glyph = glyph_at(id);
       if (!glyph.trouble.empty()) fail(id, text("cannot be edited: ", glyph.trouble));
-      if (contours.size() != glyph.contours.size()) {
-        fail(id, text(contours.size(), " contours for the font's ", glyph.contours.size()));
+      const bool is_whole = glyph.is_composite() && options_.composites == Composites::Decompose;
+      const std::vector<BezierContour> before = is_whole ? decompose(font_, id) : glyph.contours;
+      if (contours.size() != before.size()) {
+        fail(id, text(contours.size(), " contours for the font's ", before.size()));
       }
       bool is_changed = false;
       for (std::size_t c = 0; c < contours.size(); ++c) {
@@ -350,10 +353,53 @@ class Writer {
             fail(id, where + " is an implied node not midway between its handles");
           }
         }
-        is_changed = is_changed || !is_same(contours[c], glyph.contours[c]);
+        is_changed = is_changed || !is_same(contours[c], before[c]);
       }
       if (is_changed) changed_.push_back(id);
+      if (is_changed && is_whole) result_.decomposed.push_back(id);
     }
+  }
+
+  bool is_decomposed(int id) const { return std::ranges::binary_search(result_.decomposed, id); }
+
+  /// Contours in the place of the components, and behind all contours of the file, laid out like the components.
+  void decompose_file(int id, const Bytes& bytes, const Glif& glif, std::vector<Replacement>& replacements) const {
+    const std::vector<BezierContour>& contours = edited_.at(id);
+    const auto blank_before = [&](std::size_t at) {
+      std::size_t begin = at;
+      while (begin > 0 && std::strchr(" \t\r\n", bytes[begin - 1]) != nullptr) --begin;
+      return std::string(bytes.begin() + static_cast<std::ptrdiff_t>(begin),
+                         bytes.begin() + static_cast<std::ptrdiff_t>(at));
+    };
+    const std::string gap = blank_before(glif.components.front().element.begin);
+    const bool has_lines = gap.find('\n') != std::string::npos;
+    const std::string deeper = !has_lines ? "" : gap + (gap.find('\t') != std::string::npos ? "\t" : "  ");
+    std::string out;
+    for (std::size_t c = glif.outlines().size(); c < contours.size(); ++c) {
+      out += (out.empty() ? "" : gap) + "<contour>";
+      for (const int point : stored_points(contours[c])) out += deeper + point_element(contours[c], point);
+      out += gap + "</contour>";
+    }
+    std::size_t behind = 0;  // the points of all contours
+    for (const GlifContour& contour : glif.contours) {
+      if (!contour.points.empty()) behind = std::max(behind, contour.points.back().element.end);
+    }
+    const bool is_last = glif.components.back().element.begin >= behind;
+    for (const GlifComponent& component : glif.components) {
+      Span span = component.element;
+      const bool takes_contours = is_last && &component == &glif.components.back();
+      if (!takes_contours) span.begin -= blank_before(span.begin).size();
+      replacements.push_back({span, takes_contours ? out : ""});
+    }
+    if (!is_last) {
+      constexpr std::string_view closing = "</contour>";
+      const auto end =
+          std::search(bytes.begin() + static_cast<std::ptrdiff_t>(behind), bytes.end(), closing.begin(), closing.end());
+      const auto at = static_cast<std::size_t>(end - bytes.begin()) + closing.size();
+      if (at > bytes.size()) fail(id, "its contours do not end as they begin");
+      replacements.push_back({{at, at}, gap + out});
+    }
+    std::ranges::sort(replacements, {}, [](const Replacement& r) { return r.span.begin; });
   }
 
   void rewrite(int id) {
@@ -368,7 +414,7 @@ class Writer {
     }
     std::vector<Replacement> replacements;
     const std::vector<BezierContour>& contours = edited_.at(id);
-    for (std::size_t c = 0; c < contours.size(); ++c) {
+    for (std::size_t c = 0; c < outlines.size(); ++c) {
       const GlifContour& contour = *outlines[c];
       if (!is_same(*contour.outline, glyph.contours[c])) {
         fail(id, text("contour ", c, ": ", file->second, " is not what the font was read from"));
@@ -378,6 +424,10 @@ class Writer {
       } else {
         replacements.push_back(relaid(id, c, before, contour, contours[c]));
       }
+    }
+    if (is_decomposed(id)) {
+      decompose_file(id, before, glif, replacements);
+      for (const GlifComponent& component : glif.components) lost_names_[id] += component.is_named ? 1 : 0;
     }
     Bytes after = replaced(before, replacements);
     read_back(id, file->second, glif, parse_glif(after, glyph.name));
@@ -407,8 +457,8 @@ class Writer {
   /// For each stored point of the edited contour the one of the file that it is, or -1.
   std::vector<int> kept_points(int id, std::size_t c, const GlifContour& contour, const BezierContour& after,
                                const std::vector<int>& now) const {
-    const auto given = origins_.find(id);
-    if (given == origins_.end() || c >= given->second.size()) {
+    const auto given = options_.origins.find(id);
+    if (given == options_.origins.end() || c >= given->second.size()) {
       return match_points(*contour.outline, stored_points(*contour.outline), after, now);
     }
     const std::vector<int>& came_from = given->second[c];
@@ -497,11 +547,13 @@ class Writer {
     if (!after.trouble.empty()) fail(id, text(file, " does not read back: ", after.trouble));
     const std::vector<BezierContour>& wanted = edited_.at(id);
     const std::vector<const GlifContour*> outlines = after.outlines();
-    bool is_good = outlines.size() == wanted.size() && before.contours.size() == after.contours.size();
+    const std::size_t own = before.contours.size() + wanted.size() - before.outlines().size();
+    bool is_good = outlines.size() == wanted.size() && own == after.contours.size();
     for (std::size_t c = 0; is_good && c < wanted.size(); ++c) is_good = is_same(*outlines[c]->outline, wanted[c]);
     if (!is_good) fail(id, text(file, " reads back with another outline"));
-    const bool has_same_parts = std::equal(before.components.begin(), before.components.end(), after.components.begin(),
-                                           after.components.end(), [](const GlifComponent& a, const GlifComponent& b) {
+    const std::vector<GlifComponent> parts = is_decomposed(id) ? std::vector<GlifComponent>() : before.components;
+    const bool has_same_parts = std::equal(parts.begin(), parts.end(), after.components.begin(), after.components.end(),
+                                           [](const GlifComponent& a, const GlifComponent& b) {
                                              return a.base == b.base && a.placement.linear == b.placement.linear &&
                                                     a.placement.shift == b.placement.shift;
                                            });
@@ -527,13 +579,15 @@ class Writer {
     if (!has_anchors_.empty())
       result_.warnings.push_back(text("anchors: kept where they were in ", list_names(has_anchors_)));
     for (const auto& [id, count] : lost_names_) {
-      result_.warnings.push_back(text(glyph_at(id).name, ": ", count, " points with a name or identifier are gone"));
+      if (count == 0) continue;
+      result_.warnings.push_back(
+          text(glyph_at(id).name, ": ", count, " points or components with a name or identifier are gone"));
     }
   }
 
   const Font& font_;
   const EditedGlyphs& edited_;
-  const PointOrigins& origins_;
+  const WriteOptions& options_;
   std::vector<int> changed_;
   std::map<std::string, std::string> files_;
   std::map<std::string, std::vector<int>> stale_;  // by key of the lib
@@ -553,8 +607,8 @@ Font load_ufo(const std::string& path, Folder folder) {
   return font;
 }
 
-WrittenUfo write_ufo(const Font& font, const EditedGlyphs& edited, const PointOrigins& origins) {
-  return Writer(font, edited, origins).write();
+WrittenUfo write_ufo(const Font& font, const EditedGlyphs& edited, const WriteOptions& options) {
+  return Writer(font, edited, options).write();
 }
 
 }  // namespace glyphs

@@ -28,6 +28,7 @@ struct WrittenUfo {
   Folder folder;
   std::vector<std::string> changed_files;  ///< other bytes than before; sorted
   std::vector<int> moved_composites;       ///< composites that are drawn otherwise now; sorted
+  std::vector<int> decomposed;             ///< edited composites, which have contours alone now; sorted
   std::vector<std::string> warnings;       ///< what is kept though it may no longer match, or is left out; a line each
 };
 
@@ -35,14 +36,16 @@ struct WrittenUfo {
 ///
 /// In an edited glyph's file only the coordinates of moved points change, digit by digit; names, identifiers, flags,
 /// order, layout, comments and all that is not known stay. Where a contour has other points now, those that stayed
-/// keep their elements and new ones are laid out like them; which stayed is told by `origins`, else by their places.
-/// Hints are kept: their id no longer matches the outline, by which they are known as stale. With nothing edited every
-/// file is bit for bit the same. The result has been read again and compared before it is returned.
+/// keep their elements and new ones are laid out like them; which stayed is told by the options' origins, else by their
+/// places. A composite that may be decomposed becomes contours, in the place of its components, which go; else its own
+/// contours are edited, if it has any, and its components stay. Hints are kept: their id no longer matches the outline,
+/// by which they are known as stale. With nothing edited every file is bit for bit the same. The result has been read
+/// again and compared before it is returned.
 ///
 /// Throws  FontWriteError: not a UFO, another number of contours, a glyph in trouble or without outline of its own, an
 ///         implied node not midway between its handles, a coordinate over `max_coordinate`, a result that does not
 ///         read back. Names glyph and file.
-WrittenUfo write_ufo(const Font& font, const EditedGlyphs& edited, const PointOrigins& origins = {});
+WrittenUfo write_ufo(const Font& font, const EditedGlyphs& edited, const WriteOptions& options = {});
 
 /// A UFO 3 made from the tables of a TTF or an OTF: outlines, metrics, names, characters, order and font info.
 ///

@@ -306,11 +306,11 @@ TEST_CASE("a softened corner gives way to new points, the others keep their elem
                      "      <point x=\"400\" y=\"700\" type=\"line\" name=\"c\"/>\n"
                      "      <point x=\"0\" y=\"700\" type=\"line\" identifier=\"d\"/>\n    </contour>") !=
         std::string::npos);
-  CHECK(written.warnings == std::vector<std::string>{"box: 1 points with a name or identifier are gone"});
+  CHECK(written.warnings == std::vector<std::string>{"box: 1 points or components with a name or identifier are gone"});
 
   // With everything moved as well, only their origins tell which points are which.
   const BezierContour far = transform(soft.contour, {.shift = Point(7, 9)});
-  const auto told = write_ufo(font, {{id, {far}}}, {{id, {soft.came_from}}});
+  const auto told = write_ufo(font, {{id, {far}}}, {.origins = {{id, {soft.came_from}}}});
   CHECK(load_ufo("again", told.folder).glyphs[static_cast<std::size_t>(id)].contours[0] == far);
   CHECK(text_of(told.folder, "glyphs/box.glif").find("<point x=\"7\" y=\"709\" type=\"line\" identifier=\"d\"/>") !=
         std::string::npos);
@@ -328,6 +328,23 @@ TEST_CASE("quadratics with other points are written so that the same come back",
   CHECK(again.glyphs[static_cast<std::size_t>(id)].contours[0].kinds() == soft.contour.kinds());
   const auto back = write_ufo(again, {{id, {box}}});
   CHECK(load_ufo("back", back.folder).glyphs[static_cast<std::size_t>(id)].contours[0] == box);
+}
+
+TEST_CASE("a composite of a UFO is decomposed where that is asked for", "[ufo]") {
+  const Font font = made_font();
+  const int id = font.find("both");
+  std::vector<BezierContour> contours = moved(decompose(font, id), {7, 0});
+  const WrittenUfo written = write_ufo(font, {{id, contours}}, {.composites = glyphs::Composites::Decompose});
+  CHECK(written.decomposed == std::vector<int>{id});
+  CHECK(written.changed_files == std::vector<std::string>{"glyphs/both.glif"});
+  const std::string before = text_of(made_ufo(), "glyphs/both.glif");
+  const std::string after = text_of(written.folder, "glyphs/both.glif");
+  CHECK(after.find("<component") == std::string::npos);
+  CHECK(after.substr(0, after.find("<contour")) ==
+        before.substr(0, std::min(before.find("<contour"), before.find("<component"))));
+  const Font again = load_ufo("again", written.folder);
+  CHECK(again.glyphs[static_cast<std::size_t>(id)].contours == contours);
+  CHECK(again.glyphs[static_cast<std::size_t>(id)].components.empty());
 }
 
 TEST_CASE("what cannot be written is refused by glyph", "[ufo]") {
