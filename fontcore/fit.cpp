@@ -215,15 +215,15 @@ struct HandledSolution {
 };
 
 HandledSolution solve_with_handle(const BezierContour& contour, const StructureEdit& edit, const WishSystem& system,
-                                  const RowElimination& rules) {
-  const auto solve = [&](const RowElimination& rows) {
-    const LeastChange least(system.H, rows);
+                                  RowElimination rules) {
+  const auto solve = [&](RowElimination rows) {
+    const LeastChange least(system.H, std::move(rows));
     if (edit.length) return least.solve(system.f, contour, edit.area, *edit.length);
     return edit.area ? least.solve(system.f, contour, *edit.area) : least.solve(system.f);
   };
   HandledSolution result;
   if (edit.handles.empty() || edit.handle_move == HandleMove::Wished) {
-    result.solution = solve(rules);
+    result.solution = solve(std::move(rules));
     return result;
   }
   // x and y are wishes of their own: a rule may stand against one and leave the other.
@@ -233,7 +233,7 @@ HandledSolution solve_with_handle(const BezierContour& contour, const StructureE
     const auto& names = with_handle.conflicts()[k].rules;
     add_names(result.against, {names.begin() + 1, names.end()});
   }
-  result.solution = solve(with_handle);
+  result.solution = solve(std::move(with_handle));
   const bool is_pinned = edit.handle_move == HandleMove::Pinned;
   const double reach = largest(result.solution.displacement);
   const double most = (is_pinned ? most_throw_pinned : most_throw) * longest_move(edit);
@@ -245,7 +245,7 @@ HandledSolution solve_with_handle(const BezierContour& contour, const StructureE
           ? (edit.length ? "area and length: " : "area: ") + result.solution.report.failed
           : text("rules and area: forcing the handle would throw a point by ", std::round(reach), " units");
   add_names(result.against, {reason});
-  result.solution = solve(rules);
+  result.solution = solve(std::move(rules));
   return result;
 }
 

@@ -148,8 +148,8 @@ std::optional<double> area_root(double missing, double slope, double bend) {
 }
 
 struct LeastChange::Factored {
-  Factored(const RowElimination& rules, const Eigen::SparseMatrix<double>& objective)
-      : rows(rules), space(rules.space()), H(objective) {}
+  Factored(RowElimination rules, const Eigen::SparseMatrix<double>& objective)
+      : rows(std::move(rules)), space(rows.space()), H(objective) {}
 
   RowElimination rows;
   RowElimination::Space space;
@@ -163,8 +163,8 @@ struct LeastChange::Factored {
   }
 };
 
-LeastChange::LeastChange(const Eigen::SparseMatrix<double>& H, const RowElimination& rows)
-    : factored_(std::make_unique<Factored>(rows, H)) {
+LeastChange::LeastChange(const Eigen::SparseMatrix<double>& H, RowElimination rows)
+    : factored_(std::make_unique<Factored>(std::move(rows), H)) {
   const auto& T = factored_->space.T;
   if (T.cols() == 0) return;
   const Eigen::SparseMatrix<double> K = T.transpose() * H * T;

@@ -95,7 +95,7 @@ struct SolveReport {
 class LeastChange {
  public:
   /// Shape   H 2n×2n, symmetric positive definite on what the rows leave.
-  LeastChange(const Eigen::SparseMatrix<double>& H, const RowElimination& rows);
+  LeastChange(const Eigen::SparseMatrix<double>& H, RowElimination rows);
   ~LeastChange();
   LeastChange(LeastChange&&) noexcept;
   LeastChange& operator=(LeastChange&&) noexcept;
