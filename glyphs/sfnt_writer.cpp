@@ -694,9 +694,9 @@ class Writer {
   void read_back_converted() const {
     std::optional<Font> read;
     try {
-      read = load_sfnt(font_.path, result_.data);
+      read = load_sfnt("the result, read back", result_.data);
     } catch (const FontReadError& error) {
-      throw FontWriteError(text("the result does not read back: ", error.what()));
+      fail(error.what());
     }
     if (read->glyphs.size() != font_.glyphs.size()) fail("the result has another number of glyphs");
     for (const Glyph& glyph : font_.glyphs) {
@@ -930,9 +930,9 @@ class Writer {
   void read_back() const {
     std::optional<Font> read;
     try {
-      read = load_sfnt(font_.path, result_.data);
+      read = load_sfnt("the result, read back", result_.data);
     } catch (const FontReadError& error) {
-      throw FontWriteError(text("the result does not read back: ", error.what()));
+      fail(error.what());
     }
     if (read->glyphs.size() != font_.glyphs.size()) fail("the result has another number of glyphs");
     for (const Glyph& glyph : font_.glyphs) {
