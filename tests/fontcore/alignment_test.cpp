@@ -109,7 +109,7 @@ TEST_CASE("alignment zones do not depend on the direction of contours, and grow 
   }
 }
 
-TEST_CASE("round letters alone have zones at their own heights; nothing has none", "[alignment]") {
+TEST_CASE("round letters alone have zones at their own heights, and nothing has none", "[alignment]") {
   const std::vector<Shape> round = {{bowl(-10, 510, 500)}, {bowl(-10, 510, 400)}};
   const std::vector<AlignmentZone> zones = find_zones(round, 1000.0);
   REQUIRE(zones.size() == 2);

@@ -462,7 +462,7 @@ TEST_CASE("a large system is factored sparsely and gives what a dense one would"
   CHECK(shapes::largest_distance(solver.field(), local.field()) < 1e-6);
 }
 
-TEST_CASE("[HBS05] figure 5: the area is kept; a large alpha is nearer to the deformed curve, a small one smoother",
+TEST_CASE("[HBS05] figure 5: the area is kept, and a large alpha is nearer to the deformed curve, a small one smoother",
           "[drag][papers]") {
   const int n = 32;
   const int level = 1;  // of 8 control points; the paper counts levels from 1 control point

@@ -331,7 +331,8 @@ TEST_CASE("a jump in position, tangent or curvature is there at every level, and
   }
 }
 
-TEST_CASE("a step, a corner and a kink of curvature keep their size; simple knots smooth them away", "[nonuniform]") {
+TEST_CASE("a step, a corner and a kink of curvature keep their size, and simple knots smooth them away",
+          "[nonuniform]") {
   using Function = double (*)(double);
   const std::array<Function, 3> functions = {[](double t) { return t < 8.0 ? 0.0 : 1.0; },
                                              [](double t) { return std::abs(t - 8.0); },

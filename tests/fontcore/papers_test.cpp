@@ -148,7 +148,8 @@ TEST_CASE("[HBS05] eq. 9 and 11: the area of the spline is the bilinear form on 
                                    .epsilon(1e-5));
 }
 
-TEST_CASE("[HBS05] eq. 1 to 4: coarse functions and wavelets are fine functions, and [P | Q] [A ; B] = I", "[papers]") {
+TEST_CASE("[HBS05] eq. 1 to 4: coarse functions and wavelets are fine functions, and [P | Q] undoes A over B",
+          "[papers]") {
   for (const Scheme scheme : all_schemes) {
     for (const Eigen::Index spans : few_spans(scheme)) {
       const auto [P, Q] = synthesis_matrices(scheme, spans);

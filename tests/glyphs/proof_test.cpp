@@ -213,7 +213,7 @@ TEST_CASE("a picture that compares has three rows to a line and is as wide as th
   CHECK(both_width >= one_width);
 }
 
-TEST_CASE("a font against itself shows nothing that went or came; against another it does", "[proof]") {
+TEST_CASE("a font against itself shows nothing that went or came, and against another it does", "[proof]") {
   const auto coloured = [](const Font& against) {
     constexpr int legend = 44;  // rows at the top with the words in their colours
     return coloured_pixels(glyphs::draw_glyph_proof(regular(), against, {glyph_of(regular(), 'a')}, ProofFormat::Png),

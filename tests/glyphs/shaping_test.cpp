@@ -95,7 +95,7 @@ TEST_CASE("the glyphs of a text are sorted, each once, over all its lines", "[sh
   CHECK(glyphs::glyphs_of_text(font, "banana\n\nnab\n") == expected);
 }
 
-TEST_CASE("lines end at newlines; one at the end opens no other line", "[shaping]") {
+TEST_CASE("lines end at newlines, and one at the end opens no other line", "[shaping]") {
   CHECK(glyphs::split_lines("a\n\nb\n") == std::vector<std::string>{"a", "", "b"});
   CHECK(glyphs::split_lines("").empty());
 }

@@ -15,7 +15,6 @@ using fontcore::Point;
 using glyphs::Bytes;
 using glyphs::Font;
 using glyphs::FontReadError;
-using glyphs::FontWriteError;
 using glyphs::load_font_bytes;
 using glyphs::Location;
 using glyphs::parse_location;
@@ -251,13 +250,13 @@ TEST_CASE("a feature that stands for another at a place is that one in the insta
   CHECK(HarfBuzz(*at(data, 400).data, 0).kerned() == 550);
 }
 
-TEST_CASE("an instance is edited like any static font; a variable font is not edited", "[variation]") {
+TEST_CASE("an instance is edited like any static font, and a variable font is not edited", "[variation]") {
   const Bytes data = variable_font();
   const Font variable = load_font_bytes("v.ttf", data);
   REQUIRE(variable.is_variable);
   CHECK(glyphs::write_sfnt(variable, {}).data == data);
   const glyphs::Recipe recipe = glyphs::parse_recipe(R"({"steps": [{"op": "smooth", "scale": 5}]})", "r.json");
-  CHECK(message_of<FontWriteError>([&] { glyphs::restyle(variable, recipe); }) ==
+  CHECK(message_of<glyphs::RequestError>([&] { glyphs::restyle(variable, recipe); }) ==
         "v.ttf: is variable, and edited at one place of its design space only: give a --location");
   const Font font = at(data, 900);
   CHECK(glyphs::write_sfnt(font, {}).data == *font.data);
