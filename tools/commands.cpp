@@ -281,7 +281,8 @@ Outcome restyle(const Request& request, const RestyleRequest& restyle) {
             1};
   }
 
-  const std::string report = glyphs::report_json(font, result);
+  const bool has_report = request.json || !restyle.report.empty();
+  const std::string report = has_report ? glyphs::report_json(font, result) : std::string();
   std::vector<glyphs::PendingFile> files;
   if (!restyle.report.empty()) files.push_back({restyle.report, {report.begin(), report.end()}});
   if (!restyle.proof.empty()) {
