@@ -370,7 +370,7 @@ class WholeNumbers {
  public:
   WholeNumbers(const BezierContour& edited, const BezierContour& original, const OutlineRules& rules,
                const RoundingGoal& goal)
-      : edited_(edited), original_(original), goal_(goal) {
+      : edited_(edited), goal_(goal) {
     const int n = static_cast<int>(edited.point_count());
     std::vector<int> parent(static_cast<std::size_t>(2 * n));
     std::iota(parent.begin(), parent.end(), 0);
@@ -760,7 +760,6 @@ class WholeNumbers {
   }
 
   const BezierContour& edited_;
-  const BezierContour& original_;
   RoundingGoal goal_;
   std::vector<int> unknown_;                        // per coordinate 2 * point + axis; -1 for implied nodes
   std::vector<double> exact_;                       // per unknown

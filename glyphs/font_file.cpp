@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <charconv>
 #include <cstdint>
 #include <system_error>
 
@@ -16,6 +15,7 @@
 #include "glyphs/freetype_loader.h"
 #include "glyphs/ufo.h"
 #include "glyphs/woff.h"
+#include "glyphs/xml.h"
 
 namespace glyphs {
 
@@ -222,17 +222,10 @@ WrittenFont written(WrittenUfo ufo) {
 
 // ---- one glyph as a picture that drawing programs edit
 
-std::string number(double value) {
-  std::array<char, 400> digits{};
-  const auto end =
-      std::to_chars(digits.begin(), digits.end(), value == 0.0 ? 0.0 : value, std::chars_format::fixed).ptr;
-  return {digits.begin(), end};
-}
-
 /// The outline as it is drawn, y down, in font units: from the ascender to the descender, as wide as the advance.
 std::string outline_picture(const Font& font, int glyph) {
   std::string path;
-  const auto place = [](const fontcore::Point& p) { return number(p.x()) + ' ' + number(-p.y()); };
+  const auto place = [](const fontcore::Point& p) { return xml::number_text(p.x()) + ' ' + xml::number_text(-p.y()); };
   for (const fontcore::BezierContour& contour : compose(font, glyph)) {
     if (!path.empty()) path += ' ';
     path += 'M' + place(contour.point(contour.node(0)));
@@ -245,9 +238,9 @@ std::string outline_picture(const Font& font, int glyph) {
     path += 'Z';
   }
   const Glyph& drawn = font.glyphs.at(static_cast<std::size_t>(glyph));
-  return "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 " + number(-font.ascender) + ' ' +
-         number(std::max(1.0, drawn.advance)) + ' ' + number(std::max(1.0, font.ascender - font.descender)) +
-         "\">\n<path d=\"" + path + "\"/>\n</svg>\n";
+  return "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 " + xml::number_text(-font.ascender) + ' ' +
+         xml::number_text(std::max(1.0, drawn.advance)) + ' ' +
+         xml::number_text(std::max(1.0, font.ascender - font.descender)) + "\">\n<path d=\"" + path + "\"/>\n</svg>\n";
 }
 
 }  // namespace

@@ -690,8 +690,7 @@ class Writer {
     return found.empty() ? "Converted" : found.substr(0, longest);
   }
 
-  /// The result, read by the loader and by FreeType, must draw what was asked, with names, advances and characters.
-  void read_back_converted() const {
+  Font read_result() const {
     std::optional<Font> read;
     try {
       read = load_sfnt("the result, read back", result_.data);
@@ -699,14 +698,20 @@ class Writer {
       fail(error.what());
     }
     if (read->glyphs.size() != font_.glyphs.size()) fail("the result has another number of glyphs");
+    if (read->character_map != font_.character_map) fail("the result reads back with another character map");
+    return std::move(*read);
+  }
+
+  /// The result, read by the loader and by FreeType, must draw what was asked, with names, advances and characters.
+  void read_back_converted() const {
+    const Font read = read_result();
     for (const Glyph& glyph : font_.glyphs) {
-      const Glyph& back = read->glyphs[static_cast<std::size_t>(glyph.id)];
+      const Glyph& back = read.glyphs[static_cast<std::size_t>(glyph.id)];
       if (!is_same_outline(back.contours, wanted_outline(glyph.id))) fail(glyph.id, "reads back with another outline");
       if (back.advance != glyph.advance || (glyph.id > 0 && back.name != glyph.name)) {
         fail(glyph.id, text("reads back with the advance ", back.advance, " and the name ", back.name));
       }
     }
-    if (read->character_map != font_.character_map) fail("the result reads back with another character map");
     check_by_freetype();
   }
 
@@ -928,15 +933,9 @@ class Writer {
 
   /// The result, read by the loader, must say what was asked, and the same as before of all else.
   void read_back() const {
-    std::optional<Font> read;
-    try {
-      read = load_sfnt("the result, read back", result_.data);
-    } catch (const FontReadError& error) {
-      fail(error.what());
-    }
-    if (read->glyphs.size() != font_.glyphs.size()) fail("the result has another number of glyphs");
+    const Font read = read_result();
     for (const Glyph& glyph : font_.glyphs) {
-      const Glyph& back = read->glyphs[static_cast<std::size_t>(glyph.id)];
+      const Glyph& back = read.glyphs[static_cast<std::size_t>(glyph.id)];
       const bool is_changed = std::binary_search(changed_.begin(), changed_.end(), glyph.id);
       const auto& wanted = is_changed ? wanted_outline(glyph.id) : glyph.contours;
       if (!is_same_outline(back.contours, wanted)) fail(glyph.id, "the result reads back with another outline");
@@ -947,7 +946,6 @@ class Writer {
         fail(glyph.id, "the result reads back with another name, advance, origin or components");
       }
     }
-    if (read->character_map != font_.character_map) fail("the result reads back with another character map");
     if (font_.format == OutlineFormat::Cff) check_by_freetype();
   }
 
