@@ -10,7 +10,7 @@ if(GLYPHWAVE_TOOLS)
 endif()
 install(DIRECTORY fontcore glyphs DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/glyphwave
         FILES_MATCHING PATTERN "*.h" PATTERN "sfnt_tables.h" EXCLUDE PATTERN "sfnt_cff.h" EXCLUDE
-        PATTERN "xml.h" EXCLUDE PATTERN "glif.h" EXCLUDE)
+        PATTERN "sfnt_check.h" EXCLUDE PATTERN "xml.h" EXCLUDE PATTERN "glif.h" EXCLUDE)
 install(FILES LICENSE NOTICE DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/glyphwave)
 
 install(EXPORT glyphwaveTargets NAMESPACE glyphwave:: DESTINATION ${package_dir})

@@ -194,6 +194,7 @@ Font load_font_bytes(const std::string& path, Bytes data, const LoadOptions& opt
     Instance instance = instantiate(path, data, options.face, options.location);
     font = load_sfnt(path, std::move(instance.data));
     font.warnings = std::move(instance.warnings);
+    font.is_instance = true;
   }
   font.container = container;
   return font;
@@ -289,7 +290,10 @@ ConvertedFont convert_font(const Font& font, FileKind kind, const ConvertOptions
   }
   const FileKind own = kind_of(font);
   if (kind == own) {
-    result.font = write_font(font, {});
+    // What came out of a container or a design space is no longer the file that was given.
+    result.font = write_font(
+        font, {}, {.is_checked = font.is_collection || font.container != Container::Sfnt || font.is_instance});
+    for (const auto& [id, why] : result.font.emptied) result.emptied.push_back(id);
   } else if (own == FileKind::Ufo) {
     throw RequestError(
         text(font.path, ": a UFO is compiled by fontmake: fontmake -u ", font.path, " -o ", ending_of(kind) + 1));

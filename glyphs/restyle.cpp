@@ -796,7 +796,7 @@ RestyleResult restyle(const Font& font, const Recipe& recipe, const RestyleOptio
 
   RestyleResult result;
   EditedGlyphs edited;
-  WriteOptions writing{.composites = recipe.composites};
+  WriteOptions writing{.composites = recipe.composites, .is_checked = !recipe.steps.empty()};
   for (GlyphResult& glyph : results) {
     const bool was_composite = font.glyphs[static_cast<std::size_t>(glyph.report.glyph)].is_composite();
     if (glyph.report.crossings_after > 0 && (glyph.report.crossings_before == 0 || was_composite)) {
@@ -815,6 +815,10 @@ RestyleResult restyle(const Font& font, const Recipe& recipe, const RestyleOptio
     if (std::ranges::binary_search(result.font.dropped_hints, report.glyph)) {
       report.dropped.emplace_back("hints: they were made for the stems where they stood");
     }
+    if (const auto emptied = result.font.emptied.find(report.glyph); emptied != result.font.emptied.end()) {
+      report.refused = text("comes out empty: ", emptied->second);
+      report.amount = 0.0;
+    }
   }
   return result;
 }
@@ -827,6 +831,8 @@ std::string report_json(const Font& font, const RestyleResult& result) {
     return list;
   };
   const auto pair = [](const Point& p) { return Json::array({p.x(), p.y()}); };
+  std::vector<int> emptied;
+  for (const auto& [id, why] : result.font.emptied) emptied.push_back(id);
   Json head = {{"version", 1},
                {"unitsPerEm", font.units_per_em},
                {"changed", result.changed()},
@@ -835,6 +841,7 @@ std::string report_json(const Font& font, const RestyleResult& result) {
                {"dropped_tables", result.font.dropped_tables},
                {"moved_composites", names(result.font.moved_composites)},
                {"decomposed", names(result.font.decomposed)},
+               {"emptied", names(emptied)},
                {"dropped_instructions", names(result.font.dropped_instructions)},
                {"dropped_hints", names(result.font.dropped_hints)},
                {"warnings", result.font.warnings}};

@@ -44,6 +44,8 @@ std::uint64_t number_at(View bytes, std::uint64_t at, int size) {
   return value;
 }
 
+}  // namespace
+
 CffIndex open_index(View table, std::uint64_t at, const char* what) {
   try {
     CffIndex index{.table = table, .begin = at, .end = at + 2, .count = u16(table, at)};
@@ -67,6 +69,8 @@ CffIndex open_index(View table, std::uint64_t at, const char* what) {
   }
 }
 
+namespace {
+
 /// A real number in nibbles, from behind its 30; `at` goes behind it.
 double read_real(View bytes, std::uint64_t& at) {
   std::string digits;
@@ -88,6 +92,8 @@ double read_real(View bytes, std::uint64_t& at) {
   if (!std::isfinite(value)) throw Malformed(text("the number ", digits));
   return value;
 }
+
+}  // namespace
 
 CffDict read_dict(View bytes, const char* what) {
   try {
@@ -131,6 +137,8 @@ CffDict read_dict(View bytes, const char* what) {
     throw Malformed(text("table CFF: ", what, ": ", error.what()));
   }
 }
+
+namespace {
 
 const CffEntry* find(const CffDict& dict, int op) {
   const auto at = std::find_if(dict.begin(), dict.end(), [&](const CffEntry& entry) { return entry.op == op; });
@@ -238,6 +246,12 @@ CffFontDict CffTable::open_font_dict(const CffDict& dict, const CffDict& top, in
   if (const auto own = open_private(dict)) {
     const auto at = offset_in(own->dict, subrs, "offset of subroutines");
     if (at && *at != 0) result.local_subroutines = open_index(table_, own->begin + *at, "subroutines");
+    const auto width = [&](int op) {
+      const CffEntry* entry = find(own->dict, op);
+      return entry && !entry->operands.empty() ? entry->operands.back() : 0.0;
+    };
+    result.default_width = width(default_width);
+    result.nominal_width = width(nominal_width);
   }
   // The size of the Top DICT's matrix is that of unitsPerEm; a Font DICT's is taken against it.
   const auto above = matrix_in(top);

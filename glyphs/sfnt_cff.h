@@ -83,11 +83,19 @@ struct CffEntry {
 };
 using CffDict = std::vector<CffEntry>;
 
+/// The INDEX at a place of the table; only its first and last offset are looked at.
+/// Throws  Malformed, saying `what` it is.
+CffIndex open_index(View table, std::uint64_t at, const char* what);
+/// Throws  Malformed, saying `what` it is.
+CffDict read_dict(View bytes, const char* what);
+
 /// What belongs to the glyphs of one Font DICT, or of the whole font if it is not CID-keyed.
 struct CffFontDict {
   CffIndex local_subroutines;
-  fontcore::Affine matrix;  ///< from charstrings to font units
-  bool is_scaled = false;   ///< the matrix is not the identity
+  double default_width = 0.0;  ///< of charstrings that say none
+  double nominal_width = 0.0;  ///< what others count from
+  fontcore::Affine matrix;     ///< from charstrings to font units
+  bool is_scaled = false;      ///< the matrix is not the identity
 };
 
 /// A CFF table, opened.
@@ -104,6 +112,7 @@ class CffTable {
   int glyph_count() const { return charstrings_.count; }
   bool is_cid_keyed() const;
   const CffIndex& charstrings() const { return charstrings_; }
+  const CffIndex& global_subroutines() const { return global_subroutines_; }
   /// Throws  Malformed if FDSelect names none.
   const CffFontDict& font_dict(int glyph) const;
   /// What the glyph's charstring says, in font units. Whatever is wrong is its trouble.

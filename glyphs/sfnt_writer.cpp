@@ -17,6 +17,7 @@
 #include "glyphs/freetype_loader.h"
 #include "glyphs/jobs.h"
 #include "glyphs/sfnt_cff.h"
+#include "glyphs/sfnt_check.h"
 
 namespace glyphs {
 
@@ -170,12 +171,13 @@ class Writer {
   WrittenFont write() {
     find_changes();
     result_.warnings = font_.warnings;
-    if (changed_.empty()) {
+    if (changed_.empty() && (!options_.is_checked || is_faultless())) {
       copy_all();
       return std::move(result_);
     }
     refuse_formats();
     open_tables();
+    empty_glyphs();
     if (font_.format == OutlineFormat::Cff) {
       rebuild_cff();
     } else {
@@ -184,7 +186,7 @@ class Writer {
       rebuild_tables();
     }
     // Made untrue by any edit of outlines: the signature, and what was derived from hinted widths and heights.
-    assemble({tag("DSIG"), tag("hdmx"), tag("LTSH"), tag("VDMX")});
+    assemble(void_tables());
     std::ranges::sort(result_.dropped_instructions);
     warn();
     read_back();
@@ -221,6 +223,7 @@ class Writer {
     directory_.version = tag("OTTO");
     assemble({tag("DSIG"), tag("hdmx"), tag("LTSH"), tag("VDMX"), tag("glyf"), tag("loca"), tag("fpgm"), tag("prep"),
               tag("cvt ")});
+    refuse_faults(sfnt::find_faults(sfnt::read_directory(result_.data, 0)));
     warn();
     if (const sfnt::TableRecord* gpos = directory_.find(tag("GPOS")); gpos && PointAnchors(gpos->bytes).exist()) {
       result_.warnings.emplace_back(
@@ -284,6 +287,39 @@ class Writer {
     }
     result_.data = sfnt::build(face.version, tables);
   }
+
+  static std::set<Tag> void_tables() { return {tag("DSIG"), tag("hdmx"), tag("LTSH"), tag("VDMX")}; }
+
+  void refuse_faults(const sfnt::Faults& faults) const {
+    if (faults.tables.empty()) return;
+    std::string all;
+    for (const std::string& fault : faults.tables) all += (all.empty() ? "" : "; ") + fault;
+    fail(text("browsers would refuse the whole font: ", all));
+  }
+
+  /// Of a font in which nothing is edited.
+  bool is_faultless() const {
+    const sfnt::Directory directory = sfnt::read_directory(*font_.data, font_.face_index);
+    const sfnt::Faults faults = sfnt::find_faults(directory);
+    refuse_faults(faults);
+    return faults.glyphs.empty() && (font_.is_collection || sfnt::is_well_laid_out(directory, *font_.data));
+  }
+
+  /// Gives up glyphs for which the whole font would be refused. What is edited has bytes of ours.
+  void empty_glyphs() {
+    sfnt::Directory kept = directory_;
+    std::erase_if(kept.tables, [&](const sfnt::TableRecord& table) { return void_tables().contains(table.tag); });
+    sfnt::Faults faults = sfnt::find_faults(kept);
+    refuse_faults(faults);
+    for (const int id : changed_) faults.glyphs.erase(id);
+    result_.emptied = std::move(faults.glyphs);
+    for (const auto& [id, why] : result_.emptied) {
+      new_glyphs_[static_cast<std::size_t>(id)] = Bytes();
+      result_.warnings.push_back(text(glyph_at(id).name, ": comes out empty: ", why));
+    }
+  }
+
+  bool is_emptied(int id) const { return result_.emptied.contains(id); }
 
   void refuse_formats() const {
     if (font_.format != OutlineFormat::TrueType && font_.format != OutlineFormat::Cff) {
@@ -446,7 +482,7 @@ class Writer {
     }
     const std::vector<int> has_other_points = dependents(font_, renumbered_);
     for (const int id : dependents(font_, changed_)) {
-      if (!glyph_at(id).is_composite() || is_decomposed(id)) continue;
+      if (!glyph_at(id).is_composite() || is_decomposed(id) || is_emptied(id)) continue;
       result_.moved_composites.push_back(id);
       int point_count = 0;
       double low_x = std::numeric_limits<double>::infinity();
@@ -492,7 +528,7 @@ class Writer {
     Boxes boxes{std::vector<std::optional<Box>>(old_glyphs_.size()), {}};
     boxes.after = boxes.before;
     for (int id = 0; id < basics_.glyph_count; ++id) {
-      if (!font_.has_outline(id)) continue;
+      if (!font_.has_outline(id) || is_emptied(id)) continue;
       boxes.before[static_cast<std::size_t>(id)] = sfnt::read_box(old_glyphs_[static_cast<std::size_t>(id)]);
       boxes.after[static_cast<std::size_t>(id)] = sfnt::read_box(glyph_bytes(id));
     }
@@ -520,6 +556,13 @@ class Writer {
       } catch (const Malformed& error) {
         fail(id, error.what());
       }
+    }
+    for (const auto& [id, why] : result_.emptied) {
+      const sfnt::CffFontDict& dict = table.font_dict(id);
+      const int advance = basics_.metrics.advance(id);
+      const std::optional<double> width =
+          advance == dict.default_width ? std::nullopt : std::optional(advance - dict.nominal_width);
+      charstrings[id] = sfnt::encode_charstring({}, {}, width);
     }
     const Boxes boxes = drawn_boxes();
     for (int id = 0; id < basics_.glyph_count; ++id) {
@@ -552,12 +595,17 @@ class Writer {
   Boxes drawn_boxes() {
     Boxes boxes;
     for (const Glyph& glyph : font_.glyphs) {
+      if (is_emptied(glyph.id)) {
+        boxes.before.emplace_back();
+        continue;
+      }
       boxes.before.push_back(glyph.is_composite() ? drawn_box(glyph.id, compose(font_, glyph.id))
                                                   : drawn_box(glyph.id, glyph.contours));
     }
     boxes.after = boxes.before;
     std::optional<Font> after;  // only for composites
     for (const int id : dependents(font_, changed_)) {
+      if (is_emptied(id)) continue;
       auto& box = boxes.after[static_cast<std::size_t>(id)];
       if (const auto changed = snapped_.find(id); changed != snapped_.end()) {
         box = drawn_box(id, changed->second);
@@ -794,33 +842,30 @@ class Writer {
       const View before = old.glyf.first(old.offset(0));
       glyf.assign(before.begin(), before.end());
     }
-    std::vector<std::optional<std::uint64_t>> offsets(old_glyphs_.size() + 1);
-    for (const auto& [first, last] : runs()) {
-      for (int id = first; id <= last; ++id) {
-        offsets[static_cast<std::size_t>(id)] = glyf.size();
-        const View bytes = glyph_bytes(id);
-        glyf.insert(glyf.end(), bytes.begin(), bytes.end());
-        if (new_glyphs_[static_cast<std::size_t>(id)]) {
-          glyf.resize((glyf.size() + alignment - 1) / alignment * alignment);
-        }
+    std::vector<std::uint64_t> offsets(old_glyphs_.size() + 1);
+    for (int id = 0; id < basics_.glyph_count; ++id) {
+      offsets[static_cast<std::size_t>(id)] = glyf.size();
+      const View bytes = glyph_bytes(id);
+      glyf.insert(glyf.end(), bytes.begin(), bytes.end());
+      if (new_glyphs_[static_cast<std::size_t>(id)]) {
+        glyf.resize((glyf.size() + alignment - 1) / alignment * alignment);
       }
-      offsets[static_cast<std::size_t>(last) + 1] = glyf.size();
-      if (!is_whole) glyf.resize(glyf.size() + 4);  // so that the run before, which lies behind, begins higher
     }
+    offsets.back() = glyf.size();
     const std::uint64_t end = glyf.size();
     const Bytes rest = is_whole ? Bytes() : unclaimed();
     const View behind = is_whole ? old.glyf.subspan(old.offset(basics_.glyph_count)) : View(rest);
     glyf.insert(glyf.end(), behind.begin(), behind.end());
-    // An offset that no glyph can be read by stays one: past the end.
+    if (glyf.empty()) glyf.push_back(0);  // a table without bytes is refused
     constexpr std::uint64_t short_limit = 2 * 0xFFFF;
-    const bool is_long = old.has_long_offsets || end > short_limit || (!is_whole && glyf.size() >= short_limit);
+    const bool is_long = old.has_long_offsets || end > short_limit;
     if (glyf.size() > max_font_size) fail(text("table glyf: more than ", max_font_size, " bytes"));
     Bytes loca(offsets.size() * (is_long ? 4 : 2));
     for (std::size_t i = 0; i < offsets.size(); ++i) {
       if (is_long) {
-        put_u32(loca, 4 * i, static_cast<std::uint32_t>(offsets[i].value_or(0xFFFFFFFF)));
+        put_u32(loca, 4 * i, static_cast<std::uint32_t>(offsets[i]));
       } else {
-        put_u16(loca, 2 * i, static_cast<int>(offsets[i].value_or(short_limit) / 2));
+        put_u16(loca, 2 * i, static_cast<int>(offsets[i] / 2));
       }
     }
     if (is_long == old.has_long_offsets) {  // entries beyond the last glyph's
@@ -830,19 +875,6 @@ class Writer {
     put_u16(rebuilt_[tag("head")], 50, is_long ? 1 : 0);
     rebuilt_[tag("glyf")] = std::move(glyf);
     rebuilt_[tag("loca")] = std::move(loca);
-  }
-
-  /// Glyphs between those that loca gives no bytes, first and last of each run, as they are to lie in the file: the
-  /// last run first. So the offset behind a run is above that before the next, and the glyph between them stays without
-  /// bytes.
-  std::vector<std::pair<int, int>> runs() const {
-    std::vector<std::pair<int, int>> runs;
-    for (int id = basics_.glyph_count - 1; id >= 0; --id) {
-      if (is_lost_[static_cast<std::size_t>(id)]) continue;
-      if (runs.empty() || runs.back().first != id + 1) runs.emplace_back(id, id);
-      runs.back().first = id;
-    }
-    return runs;
   }
 
   /// What of the old table is no readable glyph's.
@@ -936,11 +968,20 @@ class Writer {
     const Font read = read_result();
     for (const Glyph& glyph : font_.glyphs) {
       const Glyph& back = read.glyphs[static_cast<std::size_t>(glyph.id)];
+      if (!result_.emptied.empty() && back.trouble.empty() && (is_emptied(glyph.id) || !glyph.trouble.empty())) {
+        // With what is made of it, a glyph may be in no trouble any more.
+        if (is_emptied(glyph.id) && read.has_outline(glyph.id)) fail(glyph.id, "reads back with an outline");
+        if (back.name != glyph.name || back.advance != glyph.advance) {
+          fail(glyph.id, "the result reads back with another name or advance");
+        }
+        continue;
+      }
       const bool is_changed = std::binary_search(changed_.begin(), changed_.end(), glyph.id);
       const auto& wanted = is_changed ? wanted_outline(glyph.id) : glyph.contours;
       if (!is_same_outline(back.contours, wanted)) fail(glyph.id, "the result reads back with another outline");
       const std::vector<Component> parts = is_changed ? std::vector<Component>() : glyph.components;
-      if (back.name != glyph.name || back.advance != glyph.advance || back.origin != glyph.origin ||
+      if (back.name != glyph.name || back.advance != glyph.advance ||
+          (back.origin != glyph.origin && (result_.emptied.empty() || !glyph.is_composite())) ||
           back.trouble.empty() != glyph.trouble.empty() ||
           !std::equal(back.components.begin(), back.components.end(), parts.begin(), parts.end(), is_same_part)) {
         fail(glyph.id, "the result reads back with another name, advance, origin or components");
@@ -1006,7 +1047,7 @@ class Writer {
   sfnt::Directory directory_;
   sfnt::Basics basics_;
   std::vector<View> old_glyphs_;
-  std::vector<bool> is_lost_;  // loca gives it no bytes
+  std::vector<bool> is_lost_;  // loca gives it no bytes; it comes out empty
   std::vector<std::optional<Bytes>> new_glyphs_;
   EditedGlyphs snapped_;  // of CFF: as they are written
   std::map<Tag, Bytes> rebuilt_;

@@ -21,6 +21,8 @@ struct WrittenFont {
   std::vector<int> dropped_hints;           ///< edited CFF glyphs whose hints are gone; sorted
   std::vector<int> moved_composites;        ///< composites whose box follows an edited component; sorted
   std::vector<int> decomposed;              ///< edited composites, which are simple glyphs now; sorted
+  std::map<int, std::string> emptied;       ///< glyphs for which sanitizers refuse the whole font, and why; they have
+                                            ///< no outline now
   std::vector<std::string> warnings;        ///< what is kept though it may no longer match, a line each
 };
 
@@ -35,6 +37,7 @@ struct WriteOptions {
   Composites composites = Composites::Refuse;  ///< what an edited composite means
   std::vector<int> overlapping;                ///< edited glyphs that are to have the overlap flag; sorted
   PointOrigins origins;                        ///< where points have come from; of a UFO, which keeps their names
+  bool is_checked = false;                     ///< looked through for faults even if nothing is edited
 };
 
 /// The font with the given glyphs' outlines replaced and nothing else changed; of a collection the one face, as a
@@ -42,12 +45,16 @@ struct WriteOptions {
 ///
 /// `glyf` and `loca`, or `CFF `, and `hmtx`, `vmtx`, `head`, `hhea`, `vhea` and `maxp` follow the outlines; every other
 /// table is copied byte for byte. A glyph not edited keeps its bytes; a composite that uses an edited one changes in
-/// its box alone (of CFF, an accented letter put together by `endchar`, in nothing); one that cannot be read stays one
-/// that cannot be read. Overlap flags are kept, instructions and CFF hints of edited glyphs dropped; where points have
-/// other numbers, instructions of composites too. Left side bearings move with xMin and top side bearings with yMax, so
-/// that every outline stays at its origins; advances never change. Same input, same bytes: head.modified changes only
-/// if SOURCE_DATE_EPOCH is set. With nothing edited the file itself comes back, bit for bit, and of a collection all
-/// tables of the face. The result has been read again and compared before it is returned, charstrings by FreeType too.
+/// its box alone (of CFF, an accented letter put together by `endchar`, in nothing). Overlap flags are kept,
+/// instructions and CFF hints of edited glyphs dropped; where points have other numbers, instructions of composites
+/// too. Left side bearings move with xMin and top side bearings with yMax, so that every outline stays at its origins;
+/// advances never change. Same input, same bytes: head.modified changes only if SOURCE_DATE_EPOCH is set. With nothing
+/// edited the file itself comes back, bit for bit, and of a collection all tables of the face. The result has been read
+/// again and compared before it is returned, charstrings by FreeType too.
+///
+/// Whatever is edited, or is to be checked, comes out as a font that sanitizers (OTS, that of browsers) accept. A glyph
+/// for which they refuse the whole font, because its bytes end early, its component does not exist or its charstring
+/// has no end, comes out empty, and is named; its metrics stay, and so do composites of it.
 ///
 /// A composite that is edited and may be decomposed becomes a simple glyph of the contours given: those that
 /// `decompose` gives, changed. Where its parts are edited too, it has what it is given and none of their changes. It
@@ -56,8 +63,8 @@ struct WriteOptions {
 /// Throws  FontWriteError: neither TrueType nor CFF (CFF2), variable, a coordinate that is no whole number or leaves 16
 ///         bits, another number of contours, a cubic in TrueType or a quadratic in CFF, a glyph drawn through a
 ///         FontMatrix, other points in a glyph whose points a composite matches by their numbers, a composite among the
-///         edited that is not to be decomposed, a size over the format's limits, a result that does not read back.
-///         Names file and glyph.
+///         edited that is not to be decomposed, a table for which sanitizers refuse the font, a size over the format's
+///         limits, a result that does not read back. Names file and glyph.
 WrittenFont write_sfnt(const Font& font, const EditedGlyphs& edited, const WriteOptions& options = {});
 
 /// What becomes of coordinates that are no whole numbers.
@@ -84,8 +91,8 @@ struct ConvertedFont {
 ///
 /// A glyph in trouble comes out empty, and is named.
 ///
-/// Throws  FontWriteError: no TrueType outlines, variable, a coordinate that does not fit in 16 bits, a result that
-/// does
+/// Throws  FontWriteError: no TrueType outlines, variable, a table for which sanitizers refuse the font, a coordinate
+/// that does not fit in 16 bits, a result that does
 ///         not read back. Names file and glyph.
 ConvertedFont convert_to_cff(const Font& font, Fractions fractions = Fractions::Round, const JobOptions& jobs = {});
 

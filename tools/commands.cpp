@@ -273,8 +273,13 @@ Outcome restyle(const Request& request, const RestyleRequest& restyle) {
   if (request.text || !request.glyphs.empty()) options.only = selected(request, font);
   glyphs::RestyleResult result = naming(request.font, [&] { return glyphs::restyle(font, recipe, options); });
 
-  if (restyle.strict && result.refused() > 0) {
+  if (restyle.strict && (result.refused() > 0 || !result.font.emptied.empty())) {
     std::vector<std::string> refused;
+    const auto is_selected = [&](int id) {
+      return std::ranges::count(result.glyphs, id, &glyphs::GlyphReport::glyph) > 0;
+    };
+    for (const auto& [id, why] : result.font.emptied)
+      if (!is_selected(id)) refused.push_back(font.glyphs[static_cast<std::size_t>(id)].name + " (" + why + ")");
     for (const glyphs::GlyphReport& glyph : result.glyphs)
       if (!glyph.refused.empty()) refused.push_back(glyph.name + " (" + glyph.refused + ")");
     return {"", text(request.font, ": ", count(refused.size(), "glyph"), " refused, nothing written: ", few(refused)),
