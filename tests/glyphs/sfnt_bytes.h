@@ -201,6 +201,8 @@ inline std::map<std::string, Bytes> small_font(const std::vector<Bytes>& glyphs,
   put(post, 0x00030000, 4);
   post.resize(32);
   tables["post"] = post;
+  tables["OS/2"] = Bytes(78);
+  tables["name"] = {0, 0, 0, 0, 0, 6};
   return tables;
 }
 
