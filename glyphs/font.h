@@ -70,7 +70,6 @@ struct Font {
   std::string path;
   int face_index = 0;
   bool is_collection = false;
-  bool is_instance = false;  ///< made of a variable font, at a place of its design space
   bool is_variable = false;
   int units_per_em = 0;
   double ascender = 0.0;

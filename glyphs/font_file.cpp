@@ -194,7 +194,6 @@ Font load_font_bytes(const std::string& path, Bytes data, const LoadOptions& opt
     Instance instance = instantiate(path, data, options.face, options.location);
     font = load_sfnt(path, std::move(instance.data));
     font.warnings = std::move(instance.warnings);
-    font.is_instance = true;
   }
   font.container = container;
   return font;
@@ -290,9 +289,7 @@ ConvertedFont convert_font(const Font& font, FileKind kind, const ConvertOptions
   }
   const FileKind own = kind_of(font);
   if (kind == own) {
-    // What came out of a container or a design space is no longer the file that was given.
-    result.font = write_font(
-        font, {}, {.is_checked = font.is_collection || font.container != Container::Sfnt || font.is_instance});
+    result.font = write_font(font, {}, {.is_checked = true});
     for (const auto& [id, why] : result.font.emptied) result.emptied.push_back(id);
   } else if (own == FileKind::Ufo) {
     throw RequestError(

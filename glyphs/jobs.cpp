@@ -70,4 +70,39 @@ void run_jobs(int count, const JobOptions& options, const std::function<void(int
   if (options.progress) options.progress(count, count);
 }
 
+int run_jobs_within(std::int64_t most, int count, const JobOptions& options,
+                    const std::function<std::int64_t(int)>& work) {
+  // Costs are counted up to the first index not yet done: it is left undone only where those before it have spent all,
+  // whatever the threads do; the last count, in order, decides.
+  constexpr int share = 64;  // indices at a time
+  constexpr int worth_threads = 16;
+  const int shares = (count + share - 1) / share;
+  std::vector<std::int64_t> costs(static_cast<std::size_t>(count));
+  std::vector<std::int64_t> spent(static_cast<std::size_t>(shares), -1);
+  std::mutex mutex;
+  std::size_t counted = 0;
+  std::int64_t total = 0;
+  JobOptions by_share = options;
+  if (shares < worth_threads) by_share.jobs = 1;
+  run_jobs(shares, by_share, [&](int s) {
+    {
+      const std::lock_guard lock(mutex);
+      for (; counted < spent.size() && spent[counted] >= 0; ++counted) total += spent[counted];
+      if (total > most) return;
+    }
+    std::int64_t sum = 0;
+    for (int i = s * share; i < std::min(count, (s + 1) * share) && sum <= most; ++i) {
+      sum += costs[static_cast<std::size_t>(i)] = work(i);
+    }
+    const std::lock_guard lock(mutex);
+    spent[static_cast<std::size_t>(s)] = sum;
+  });
+  total = 0;
+  for (int i = 0; i < count; ++i) {
+    if (total > most) return i;
+    total += costs[static_cast<std::size_t>(i)];
+  }
+  return count;
+}
+
 }  // namespace glyphs

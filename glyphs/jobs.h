@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <functional>
 
 namespace glyphs {
@@ -18,5 +19,10 @@ struct JobOptions {
 ///
 /// Throws  InvalidInput if `jobs` is negative; whatever `work` throws.
 void run_jobs(int count, const JobOptions& options, const std::function<void(int)>& work);
+
+/// The same within a budget: `work` says what it has cost. Returns the first index before which the costs, added up in
+/// order, are over `most`, or `count`; what lies at it and behind may have been done or not.
+int run_jobs_within(std::int64_t most, int count, const JobOptions& options,
+                    const std::function<std::int64_t(int)>& work);
 
 }  // namespace glyphs

@@ -6,7 +6,6 @@
 #include <cstdio>
 #include <cstdlib>
 #include <limits>
-#include <mutex>
 #include <sstream>
 #include <unordered_map>
 
@@ -129,6 +128,8 @@ CffDict read_dict(View bytes, const char* what) {
       } else {
         throw Malformed(text("the reserved byte ", b));
       }
+      constexpr std::size_t most_operands = 48;
+      if (entry.operands.size() == most_operands) throw Malformed(text("more than ", most_operands, " operands"));
       entry.operands.push_back(value);
       entry.operand_bytes.push_back(bytes.subspan(from, at - from));
     }
@@ -380,33 +381,12 @@ std::int64_t cost(const Charstring& charstring) {
 }  // namespace
 
 void read_cff_outlines(Font& font, const CffTable& table) {
-  // Work is counted up to the first glyph not yet read: a glyph is left unread only where those before it have spent
-  // all, whatever the threads do; the last count, in order, decides.
-  constexpr int share = 64;  // glyphs at a time
-  const int count = static_cast<int>(font.glyphs.size());
-  const int shares = (count + share - 1) / share;
   std::vector<Charstring> read(font.glyphs.size());
-  std::mutex mutex;
-  std::vector<std::int64_t> spent(static_cast<std::size_t>(shares), -1);
-  std::size_t counted = 0;
-  std::int64_t total = 0;
-  const auto read_share = [&](int s) {
-    {
-      const std::lock_guard lock(mutex);
-      for (; counted < spent.size() && spent[counted] >= 0; ++counted) total += spent[counted];
-      if (total > most_font_work) return;
-    }
-    std::int64_t work = 0;
-    for (int id = s * share; id < std::min(count, (s + 1) * share) && work <= most_font_work; ++id) {
-      Charstring& its = read[static_cast<std::size_t>(id)];
-      its = table.read(id);
-      work += cost(its);
-    }
-    const std::lock_guard lock(mutex);
-    spent[static_cast<std::size_t>(s)] = work;
-  };
-  constexpr int worth_threads = 16;  // shares
-  run_jobs(shares, {.jobs = shares < worth_threads ? 1 : 0}, read_share);
+  const int within = run_jobs_within(most_font_work, static_cast<int>(read.size()), {}, [&](int id) {
+    Charstring& its = read[static_cast<std::size_t>(id)];
+    its = table.read(id);
+    return cost(its);
+  });
 
   std::vector<int> standard;
   const auto place_accent = [&](Glyph& glyph, const CffAccent& accent) {
@@ -419,14 +399,12 @@ void read_cff_outlines(Font& font, const CffTable& table) {
     }
     glyph.components.back().placement.shift = accent.shift;
   };
-  total = 0;
   for (Glyph& glyph : font.glyphs) {
     Charstring& its = read[static_cast<std::size_t>(glyph.id)];
-    if (total > most_font_work) {
+    if (glyph.id >= within) {
       glyph.trouble = "not read: charstrings before it take too much work";
       continue;
     }
-    total += cost(its);
     glyph.trouble = its.trouble;
     glyph.has_hints = its.has_hints;
     glyph.contours = std::move(its.contours);

@@ -17,7 +17,7 @@ struct Faults {
 };
 
 /// Looks for what the OpenType Sanitizer (OTS 8.2.1, that of browsers) refuses a whole font for; what it drops with a
-/// warning, or mends, is no fault. Layout, hint and device tables are looked into as far as their headers.
+/// warning, or mends, is no fault.
 ///
 /// A composite is judged by its parts as they are once the faulty ones are empty. Charstrings after the first that take
 /// `most_font_work` together are at fault unread. Sanitizers read charstrings by the letter: no surplus operands, no
@@ -25,6 +25,9 @@ struct Faults {
 ///
 /// Throws  Malformed as `read_basics` does.
 Faults find_faults(const Directory& directory);
+
+/// The part of it that looks through GDEF, GSUB and GPOS, down to every coverage, class, anchor and rule.
+std::vector<std::string> layout_faults(const Directory& directory, int glyph_count);
 
 /// True if the tables lie in the file as sanitizers want them: each on a multiple of four bytes, no two on one place.
 bool is_well_laid_out(const Directory& directory, View file);

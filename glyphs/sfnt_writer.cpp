@@ -203,17 +203,22 @@ class Writer {
     const std::size_t count = font_.glyphs.size();
     converted.deviation.resize(count);
     std::vector<std::vector<BezierContour>> outlines(count);
+    std::vector<std::string> troubles(count);
     run_jobs(static_cast<int>(count), jobs, [&](int id) {
       const auto k = static_cast<std::size_t>(id);
-      if (!glyph_at(id).trouble.empty()) return;
-      outlines[k] = as_cubics(compose(font_, id), fractions);
-      converted.deviation[k] = deviation(compose(font_, id), outlines[k]);
+      troubles[k] = glyph_at(id).trouble;
+      if (!troubles[k].empty()) return;
+      const std::vector<BezierContour> before = compose(font_, id);
+      outlines[k] = as_cubics(before, fractions);
+      troubles[k] = too_much(outlines[k]);
+      if (!troubles[k].empty()) return outlines[k].clear();
+      converted.deviation[k] = deviation(before, outlines[k]);
     });
     converted.worst = static_cast<int>(std::ranges::max_element(converted.deviation) - converted.deviation.begin());
     for (const Glyph& glyph : font_.glyphs) {
-      if (!glyph.trouble.empty()) {
+      if (const std::string& trouble = troubles[static_cast<std::size_t>(glyph.id)]; !trouble.empty()) {
         converted.emptied.push_back(glyph.id);
-        result_.warnings.push_back(text(glyph.name, ": comes out empty: ", glyph.trouble));
+        result_.warnings.push_back(text(glyph.name, ": comes out empty: ", trouble));
       }
       if (glyph.is_composite()) converted.flattened.push_back(glyph.id);
       if (glyph.has_instructions) result_.dropped_instructions.push_back(glyph.id);
@@ -236,6 +241,19 @@ class Writer {
   }
 
  private:
+  /// Why an outline is none that readers of charstrings take; empty if they do.
+  static std::string too_much(const std::vector<BezierContour>& outline) {
+    Eigen::Index points = 0;
+    for (const BezierContour& contour : outline) points += contour.point_count();
+    constexpr Eigen::Index most_drawn = 32767;  // FreeType counts them in 16 bits
+    if (points > most_drawn) return text("its ", points, " points are more than ", most_drawn);
+    constexpr std::size_t most_bytes = 65535;  // of sanitizers
+    constexpr Eigen::Index bytes_per_point = 11;
+    if (points < static_cast<Eigen::Index>(most_bytes) / bytes_per_point) return "";
+    const std::size_t bytes = sfnt::encode_charstring(outline, {}, 0.0).size();
+    return bytes <= most_bytes ? "" : text("its charstring has ", bytes, " bytes, more than ", most_bytes);
+  }
+
   const Glyph& glyph_at(int id) const { return font_.glyphs[static_cast<std::size_t>(id)]; }
   [[noreturn]] void fail(const std::string& why) const { throw FontWriteError(text(font_.path, ": ", why)); }
   [[noreturn]] void fail(int glyph, const std::string& why) const { fail(text(glyph_at(glyph).name, ": ", why)); }

@@ -549,7 +549,7 @@ TEST_CASE("quadratics become the same curves the other way round, from the same 
   CHECK(converted.font.warnings.empty());
   for (const int anchor_format : {1, 2}) {  // a cursive attachment
     auto tables = sfnt_bytes::small_font({{}, leaf});
-    for (const int value : {1, 0, 0, 0, 10, 1, 4, 3, 0, 1, 8, 1, 0, 1, 10, 0, anchor_format, 5, 5, 1}) {
+    for (const int value : {1, 0, 0, 0, 10, 1, 4, 3, 0, 1, 8, 1, 18, 1, 10, 0, anchor_format, 5, 5, 1, 1, 1, 1}) {
       sfnt_bytes::put16(tables["GPOS"], value);
     }
     const Font placed = glyphs::load_font_bytes("placed.ttf", sfnt_bytes::font_of(tables));

@@ -442,7 +442,7 @@ TEST_CASE("a decomposed glyph keeps the origin that a part lent it, and matched 
   }
 }
 
-TEST_CASE("a glyph that loca gives no bytes stays so, and its neighbours can be edited", "[sfnt_writer]") {
+TEST_CASE("a glyph that loca gives no bytes comes out empty, and its neighbours can be edited", "[sfnt_writer]") {
   const Bytes square = simple_glyph({{{0, 0}, {300, 0}, {300, 300}, {0, 300}}});
   struct Damage {
     std::size_t entry;
@@ -464,14 +464,15 @@ TEST_CASE("a glyph that loca gives no bytes stays so, and its neighbours can be 
     const Font read = glyphs::load_font_bytes("hurt.ttf", written.data);
     for (const glyphs::Glyph& glyph : font.glyphs) {
       const glyphs::Glyph& now = read.glyphs[static_cast<std::size_t>(glyph.id)];
-      CHECK(now.trouble.empty() == glyph.trouble.empty());
+      CHECK(now.trouble.empty());
+      CHECK((glyph.trouble.empty() || written.emptied.contains(glyph.id)));
       CHECK(now.contours == (glyph.id == edited ? shifted(font, edited, 5, 5) : glyph.contours));
     }
     CHECK(write_sfnt(font, {}).data == *font.data);
   }
 }
 
-TEST_CASE("a glyph whose bytes are broken keeps them when another is edited", "[sfnt_writer]") {
+TEST_CASE("a glyph whose bytes are broken comes out empty when another is edited", "[sfnt_writer]") {
   Bytes broken = triangle;
   broken.resize(13);
   broken[11] = 40;  // more points than there are bytes
@@ -479,9 +480,15 @@ TEST_CASE("a glyph whose bytes are broken keeps them when another is edited", "[
   REQUIRE_FALSE(font.glyphs[2].trouble.empty());
   REQUIRE_FALSE(font.glyphs[4].trouble.empty());
   const auto written = write_sfnt(font, {{1, shifted(font, 1, 5, 5)}});
-  for (std::size_t id = 2; id <= 4; ++id) {
+  CHECK(written.emptied.size() == 1);
+  CHECK(written.emptied.at(2).find("reach past the end") != std::string::npos);
+  CHECK(glyphs_of(tables_of(written.data)).at(2).empty());
+  for (const std::size_t id : {3u, 4u}) {
     CHECK(glyphs_of(tables_of(written.data)).at(id) == glyphs_of(tables_of(*font.data)).at(id));
   }
+  CHECK(glyphs::load_font_bytes("again.ttf", written.data).glyphs[4].trouble.empty());
+  CHECK(write_sfnt(font, {}, {.is_checked = true}).emptied == written.emptied);
+  CHECK(write_sfnt(font, {}).data == *font.data);
 }
 
 TEST_CASE("a glyph that overlaps itself now is given the flag that says so", "[sfnt_writer]") {

@@ -117,7 +117,7 @@ TEST_CASE("a WOFF2 font unpacks to the tables and outlines it was made of", "[wo
 TEST_CASE("lengths that lie are found before anything is unpacked", "[woff]") {
   const Bytes file = font_of(small_font({{}, triangle, square}));
   const auto lying = [&](std::size_t field, std::uint32_t value) {
-    return error_of(woff_of(file, [&](auto& records) { records[2].at(field) = value; }));
+    return error_of(woff_of(file, [&](auto& records) { records[3].at(field) = value; }));
   };
   REQUIRE(error_of(woff_of(file)) == "");
   CHECK(lying(3, 0xFFFFFFF0).starts_with("f.woff: table head: "));
