@@ -1,11 +1,6 @@
 #pragma once
 
-#include <unistd.h>
-
 #include <cmath>
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
 #include <string>
 
 #include "fontcore/measure.h"
@@ -14,6 +9,7 @@
 #include "glyphs/inspect.h"
 #include "glyphs/restyle.h"
 #include "tests/catch.h"
+#include "tests/glyphs/sanitizer.h"
 
 /// What bytes that may be no font came to.
 enum class Survived { Refused, Read, Restyled };
@@ -52,17 +48,6 @@ inline void check_written(const glyphs::Font& font, const glyphs::RestyleResult&
     if (result.font.emptied.empty()) CHECK(read.glyphs[id].trouble.empty() == font.glyphs[id].trouble.empty());
     if (!is_changed[id]) CHECK(read.glyphs[id].contours == font.glyphs[id].contours);
   }
-}
-
-/// Whether the OpenType Sanitizer takes the font.
-inline bool is_accepted(const glyphs::Bytes& bytes) {
-  const std::string path =
-      (std::filesystem::temp_directory_path() / ("glyphwave-" + std::to_string(getpid()) + ".font")).string();
-  std::ofstream(path, std::ios::binary)
-      .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
-  const int status = std::system(("ots-sanitize " + path + " > /dev/null 2>&1").c_str());
-  std::filesystem::remove(path);
-  return status == 0;
 }
 
 }  // namespace survive_detail
@@ -123,11 +108,11 @@ inline Survived survive(const glyphs::Bytes& bytes) {
     const glyphs::RestyleResult result = glyphs::restyle(font, recipe, {.jobs = {.jobs = 1}});
     for (const glyphs::GlyphReport& report : result.glyphs) CHECK(report.refused.find('\n') == std::string::npos);
     if (result.changed() == 0 && result.font.emptied.empty() && result.font.data == bytes) {
-      CHECK(is_accepted(bytes));
+      CHECK(is_accepted_by_sanitizer(bytes));
       return Survived::Read;
     }
     check_written(font, result);
-    CHECK(is_accepted(result.font.data));
+    CHECK(is_accepted_by_sanitizer(result.font.data));
     return Survived::Restyled;
   } catch (const glyphs::FontWriteError& error) {
     INFO(error.what());
