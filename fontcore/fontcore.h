@@ -19,4 +19,5 @@
 #include "fontcore/edit.h"
 #include "fontcore/drag.h"
 #include "fontcore/fit.h"
+#include "fontcore/compact.h"
 // clang-format on

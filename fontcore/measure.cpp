@@ -358,10 +358,11 @@ class SegmentGrid {
   std::vector<int> segment_;  // segments by cell
 };
 
-double one_sided_distance(const Points& from, const Points& to, double give_up_above) {
+Farthest one_sided_distance(const Points& from, const Points& to, double give_up_above) {
   const SegmentGrid grid(to);
   const int n = static_cast<int>(to.rows());
   double worst = 0.0;
+  Point where = from.row(0).transpose();
   SegmentGrid::Nearest near{0, 0.0};
   for (Eigen::Index i = 0; i < from.rows(); ++i) {
     const Point p = from.row(i).transpose();
@@ -375,18 +376,49 @@ double one_sided_distance(const Points& from, const Points& to, double give_up_a
     }
     if (is_near) continue;
     near = grid.nearest(p);
-    worst = std::max(worst, near.squared_distance);
+    if (near.squared_distance <= worst) continue;
+    worst = near.squared_distance;
+    where = p;
     if (std::sqrt(worst) > give_up_above) break;
   }
-  return std::sqrt(worst);
+  return {std::sqrt(worst), where};
+}
+
+// Vertices on the contour, so many that the polyline is within the sagitta of it.
+Points fine_polyline(const BezierContour& contour, double sagitta) {
+  constexpr int fewest = 16;  // of a curve: between two vertices the distance to another curve hardly changes its trend
+  constexpr int most = 1024;
+  std::vector<Point> points;
+  for (int s = 0; s < contour.segment_count(); ++s) {
+    const Bezier b = contour.segment(s);
+    double bend = 0.0;
+    for (std::size_t k = 2; k <= static_cast<std::size_t>(b.degree); ++k)
+      bend = std::max(bend, (b.p[k] - 2.0 * b.p[k - 1] + b.p[k - 2]).norm());
+    // |b''| <= degree (degree - 1) bend, and a chord over h is within h^2 / 8 of that.
+    const double pieces = std::ceil(std::sqrt(b.degree * (b.degree - 1) * bend / (8.0 * sagitta)));
+    const int count = b.degree == 1 ? 1 : static_cast<int>(std::clamp<double>(pieces, fewest, most));
+    for (int i = 0; i < count; ++i) points.push_back(evaluate(b, static_cast<double>(i) / count));
+  }
+  Points rows(static_cast<Eigen::Index>(points.size()), 2);
+  for (std::size_t i = 0; i < points.size(); ++i) rows.row(static_cast<Eigen::Index>(i)) = points[i].transpose();
+  return rows;
 }
 
 }  // namespace
 
 double two_sided_distance(const Points& a, const Points& b, double give_up_above) {
   if (a.rows() == 0 || b.rows() == 0) throw InvalidInput("two_sided_distance: a polyline without points");
-  const double there = one_sided_distance(a, b, give_up_above);
-  return there > give_up_above ? there : std::max(there, one_sided_distance(b, a, give_up_above));
+  const double there = one_sided_distance(a, b, give_up_above).distance;
+  return there > give_up_above ? there : std::max(there, one_sided_distance(b, a, give_up_above).distance);
+}
+
+Farthest farthest(const BezierContour& a, const BezierContour& b, double accuracy) {
+  if (!(accuracy > 0.0)) throw InvalidInput(text("farthest: the accuracy is ", accuracy));
+  const Points p = fine_polyline(a, accuracy);
+  const Points q = fine_polyline(b, accuracy);
+  const Farthest there = one_sided_distance(p, q, std::numeric_limits<double>::infinity());
+  const Farthest back = one_sided_distance(q, p, std::numeric_limits<double>::infinity());
+  return there.distance >= back.distance ? there : back;
 }
 
 namespace {

@@ -85,8 +85,18 @@ class ArcLength {
 double two_sided_distance(const Points& a, const Points& b,
                           double give_up_above = std::numeric_limits<double>::infinity());
 
-/// The same of two contours of one structure that lie close to each other: of every segment from that of the other
-/// contour and its neighbours.
+/// The point of two contours that is farthest from the other one.
+///
+/// Exact   the distance, to twice the accuracy; it is taken between polylines within the accuracy of the curves.
+/// Throws  InvalidInput if the accuracy is not positive.
+struct Farthest {
+  double distance = 0.0;  ///< font units
+  Point where = Point::Zero();
+};
+Farthest farthest(const BezierContour& a, const BezierContour& b, double accuracy);
+
+/// The two-sided distance of two contours of one structure that lie close to each other: of every segment from that of
+/// the other contour and its neighbours.
 ///
 /// Exact   never too small at the places it looks at: the ends of lines, 16 places of a curve. Too large only where the
 ///         outline comes nearer to other parts of itself than that.

@@ -1,0 +1,1080 @@
+#include "fontcore/compact.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include "fontcore/compact_chain.h"
+#include "fontcore/error.h"
+#include "fontcore/measure.h"
+
+namespace fontcore {
+
+namespace compact {
+
+namespace {
+
+constexpr double degrees = std::numbers::pi / 180.0;
+constexpr double never = std::numeric_limits<double>::infinity();
+
+double cross(const Point& a, const Point& b) { return a.x() * b.y() - a.y() * b.x(); }
+double angle(const Point& a, const Point& b) { return std::atan2(cross(a, b), a.dot(b)); }
+std::size_t at(int i) { return static_cast<std::size_t>(i); }
+
+// A curve this near to its chord, as a share of the tolerance, is a straight line.
+constexpr double straightness = 0.02;
+// The angle that a corner may lose or win, before what whole numbers cost.
+constexpr double corner_freedom = 1.95 * degrees;
+// Of its line, what the curves at both ends of a straight run may take over together.
+constexpr double line_share = 0.4;
+// How far an extremum may move along its tangent, em.
+constexpr double extremum_slide = 0.012;
+// One sample for so much length, em, or so much turn.
+constexpr double sample_length = 0.04;
+constexpr double sample_turn = 8.0 * degrees;
+constexpr int most_samples_of_curve = 30;
+constexpr int most_samples = 640;
+// A long turn is cut so often to join in.
+constexpr double candidate_turn = 35.0 * degrees;
+constexpr double most_candidates = 56.0;
+// The part of the tolerance that the solver aims for: the rest is for what lies between the samples.
+constexpr double aim = 0.985;
+constexpr double polyline_sagitta = 0.006;  // share of the tolerance
+constexpr double measuring_accuracy = 0.002;
+
+Point tangent_at(const Bezier& b, double u) {
+  if (u <= 0.0) return start_tangent(b);
+  if (u >= 1.0) return end_tangent(b);
+  const Point d = derivative(b, u);
+  const double size = d.norm();
+  return size > 1e-9 ? Point(d / size) : Point(evaluate(b, u + 1e-3) - evaluate(b, u - 1e-3)).normalized();
+}
+
+struct Extent {
+  double length = 0.0;
+  double turn = 0.0;  // absolute
+};
+Extent extent_of(const Bezier& b) {
+  Extent extent;
+  if (b.degree == 1) return {(b.end() - b.start()).norm(), 0.0};
+  Point place = b.start();
+  Point tangent = start_tangent(b);
+  for (int i = 1; i <= 8; ++i) {
+    const Point next = evaluate(b, i / 8.0);
+    const Point then = tangent_at(b, i / 8.0);
+    extent.length += (next - place).norm();
+    extent.turn += std::abs(angle(tangent, then));
+    place = next;
+    tangent = then;
+  }
+  return extent;
+}
+
+void add_polyline(const Bezier& b, double sagitta, int fewest, std::vector<Point>& to) {
+  const Extent extent = extent_of(b);
+  const int pieces = std::clamp(static_cast<int>(std::ceil(std::sqrt(extent.length * extent.turn / (8.0 * sagitta)))),
+                                b.degree == 1 ? 6 : fewest, 400);
+  for (int i = 0; i < pieces; ++i) to.push_back(evaluate(b, static_cast<double>(i) / pieces));
+}
+
+// Whether every vertex of one open polyline is within a distance of the other, both run from end to end together. It
+// looks near where the vertex before was nearest: a distance is never taken for smaller than it is.
+bool stays_within(const std::vector<Point>& a, const std::vector<Point>& b, double limit) {
+  const int n = static_cast<int>(b.size()) - 1;
+  constexpr int ahead = 8;
+  constexpr int behind = 5;
+  int near = 0;
+  for (const Point& p : a) {
+    double least = never;
+    int nearest = near;
+    const auto look = [&](int i) {
+      const Point d = b[at(i + 1)] - b[at(i)];
+      const Point e = p - b[at(i)];
+      const double square = d.squaredNorm();
+      const double u = square > 0.0 ? std::clamp(e.dot(d) / square, 0.0, 1.0) : 0.0;
+      const double distance = (e - u * d).squaredNorm();
+      if (distance >= least) return false;
+      least = distance;
+      nearest = i;
+      return true;
+    };
+    int idle = 0;
+    for (int i = std::max(0, near - 1); i < n && idle < ahead; ++i) idle = look(i) ? 0 : idle + 1;
+    idle = 0;
+    for (int i = std::min(n - 1, near - 2); i >= 0 && idle < behind; --i) idle = look(i) ? 0 : idle + 1;
+    if (least > limit * limit) {  // where the polyline is much finer than the steps along it, farther ahead
+      for (int i = near + 1; i < n && i < near + 64; ++i) look(i);
+      if (least > limit * limit) return false;
+    }
+    near = nearest;
+  }
+  return true;
+}
+
+struct Settings {
+  CompactOptions options;
+  Point fraction = Point::Zero();  // whole numbers differ by it from the coordinates here
+  double unit = 1.0;               // a thousandth of the em
+};
+
+// What is asked of a stretch beside its curve.
+struct Task {
+  Stretch stretch;
+  Join start;
+  Join end;
+  struct Must {
+    int sample;
+    Join join;
+  };
+  std::vector<Must> musts;      // joins there have to be, in order
+  std::vector<int> candidates;  // samples that may be joins, its ends among them
+  int most_pieces = 0;
+};
+
+struct Result {
+  std::vector<Bezier> pieces;
+  double start_turn = 0.0;
+  double end_turn = 0.0;
+};
+
+class Search {
+ public:
+  Search(const Task& task, const Settings& settings, long& work) : task_(task), settings_(settings), work_(work) {}
+
+  std::optional<Result> run();
+
+ private:
+  struct Path {
+    double error;
+    std::vector<int> breaks;
+  };
+
+  bool is_exhausted() const { return work_ > settings_.options.most_work; }
+  std::vector<Join> joins_at(const std::vector<int>& breaks) const;
+  const Task::Must* must_at(int sample) const;
+  double span_error(int i, int j);
+  std::vector<std::vector<Path>> paths(int most);
+  std::optional<Result> accepted(ChainFit fit);
+  std::optional<Result> tried(Chain chain, double* error = nullptr);
+  Result shortened(Chain chain, Result result);
+  bool verified(const std::vector<Bezier>& pieces) const;
+
+  const Task& task_;
+  const Settings& settings_;
+  long& work_;
+  std::optional<Chain> last_;  // of the last result accepted
+};
+
+const Task::Must* Search::must_at(int sample) const {
+  for (const Task::Must& must : task_.musts) {
+    if (must.sample == sample) return &must;
+  }
+  return nullptr;
+}
+
+std::vector<Join> Search::joins_at(const std::vector<int>& breaks) const {
+  std::vector<Join> joins{task_.start};
+  for (std::size_t i = 1; i + 1 < breaks.size(); ++i) {
+    if (const Task::Must* must = must_at(breaks[i])) {
+      joins.push_back(must->join);
+      continue;
+    }
+    const Sample& sample = task_.stretch.samples[at(breaks[i])];
+    Join join;
+    join.place = join.home = sample.place;
+    join.tangent = sample.tangent;
+    join.moves = join.turns = true;
+    joins.push_back(join);
+  }
+  if (!task_.stretch.is_closed) joins.push_back(task_.end);
+  return joins;
+}
+
+// How well one cubic with the source's tangents at its ends does between two samples: what orders candidates.
+double Search::span_error(int i, int j) {
+  const auto& samples = task_.stretch.samples;
+  const Sample& a = samples[at(i)];
+  const Sample& b = samples[at(j)];
+  const double arc = b.s - a.s;
+  const Point u0 = a.tangent;
+  const Point u1 = b.tangent;
+  double out = arc / 3.0;
+  double in = arc / 3.0;
+  constexpr int most = 16;
+  const int step = 1 + (j - i - 1) / (most - 2);
+  double u[most];
+  Point place[most];
+  int count = 0;
+  for (int m = i + 1; m < j && count < most; m += step) {
+    place[count] = samples[at(m)].place;
+    u[count++] = (samples[at(m)].s - a.s) / arc;
+  }
+  double worst = 0.0;
+  constexpr int rounds = 6;
+  work_ += count * rounds / 2;
+  for (int round = 0; round < rounds; ++round) {
+    double h00 = 1e-9;
+    double h01 = 0.0;
+    double h11 = 1e-9;
+    double g0 = 0.0;
+    double g1 = 0.0;
+    worst = 0.0;
+    const Point p0 = a.place;
+    const Point p3 = b.place;
+    const Point p1 = p0 + u0 * out;
+    const Point p2 = p3 - u1 * in;
+    for (int m = 0; m < count; ++m) {
+      const double t = u[m];
+      const double v = 1.0 - t;
+      Point e = p0 * (v * v * v) + p1 * (3.0 * v * v * t) + p2 * (3.0 * v * t * t) + p3 * (t * t * t) - place[m];
+      const Point d = 3.0 * ((p1 - p0) * (v * v) + (p2 - p1) * (2.0 * v * t) + (p3 - p2) * (t * t));
+      const double square = d.squaredNorm();
+      if (square < 1e-12) continue;
+      const double by = -e.dot(d) / square;
+      const double then = std::clamp(t + by, 0.0, 1.0);
+      u[m] = then;
+      e += by * d;
+      const Point normal = Point(-d.y(), d.x()) / std::sqrt(square);
+      const double residual = e.dot(normal);
+      worst = std::max(worst, std::abs(residual));
+      const double w = 1.0 - then;
+      const double j0 = 3.0 * w * w * then * normal.dot(u0);
+      const double j1 = -3.0 * w * then * then * normal.dot(u1);
+      h00 += j0 * j0;
+      h01 += j0 * j1;
+      h11 += j1 * j1;
+      g0 -= j0 * residual;
+      g1 -= j1 * residual;
+    }
+    if (round + 1 == rounds) break;
+    h00 *= 1.0001;
+    h11 *= 1.0001;
+    const double determinant = h00 * h11 - h01 * h01;
+    const double largest = 0.4 * arc;
+    out = std::clamp(out + std::clamp((g0 * h11 - g1 * h01) / determinant, -largest, largest), 0.03 * arc, 1.2 * arc);
+    in = std::clamp(in + std::clamp((h00 * g1 - h01 * g0) / determinant, -largest, largest), 0.03 * arc, 1.2 * arc);
+  }
+  return worst;
+}
+
+// For every number of pieces the paths over the candidates with the least largest span error and with the least sum of
+// its squares, best first.
+std::vector<std::vector<Search::Path>> Search::paths(int most) {
+  const auto& candidates = task_.candidates;
+  const auto& samples = task_.stretch.samples;
+  const int count = static_cast<int>(candidates.size());
+  std::vector<double> turn(samples.size(), 0.0);
+  for (std::size_t i = 1; i < samples.size(); ++i)
+    turn[i] = turn[i - 1] + std::abs(angle(samples[i - 1].tangent, samples[i].tangent));
+  const double hopeless = 30.0 * settings_.options.tolerance;
+  std::vector<std::vector<double>> error(at(count));
+  std::vector<char> is_must(samples.size(), 0);
+  for (const Task::Must& must : task_.musts) is_must[at(must.sample)] = 1;
+  for (int i = 0; i < count; ++i) {
+    int bad = 0;
+    for (int j = i + 1; j < count; ++j) {
+      const double turned = turn[at(candidates[at(j)])] - turn[at(candidates[at(i)])];
+      if (turned > 4.0 && j > i + 1) break;
+      const bool is_straight = j == i + 1 && turned < 0.02;
+      const double here = is_straight ? 0.0 : span_error(candidates[at(i)], candidates[at(j)]);
+      error[at(i)].push_back(here);
+      bad = here > hopeless ? bad + 1 : 0;
+      if (bad > 1 || is_must[at(candidates[at(j)])]) break;
+    }
+  }
+  std::vector<std::vector<Path>> result(at(most + 1));
+  for (const bool of_squares : {false, true}) {
+    std::vector<std::vector<double>> least(at(most + 1), std::vector<double>(at(count), never));
+    std::vector<std::vector<int>> from(at(most + 1), std::vector<int>(at(count), -1));
+    least[0][0] = 0.0;
+    for (int k = 1; k <= most; ++k) {
+      for (int i = 0; i < count; ++i) {
+        if (least[at(k - 1)][at(i)] == never) continue;
+        for (std::size_t l = 0; l < error[at(i)].size(); ++l) {
+          const std::size_t j = at(i) + l + 1;
+          const double e = error[at(i)][l];
+          const double value = of_squares ? least[at(k - 1)][at(i)] + e * e : std::max(least[at(k - 1)][at(i)], e);
+          if (value < least[at(k)][j]) {
+            least[at(k)][j] = value;
+            from[at(k)][j] = i;
+          }
+        }
+      }
+      double value = least[at(k)][at(count - 1)];
+      if (value == never) continue;
+      Path path{of_squares ? std::sqrt(value) : value, {}};
+      int i = count - 1;
+      for (int left = k; left >= 0; --left) {
+        path.breaks.push_back(candidates[at(i)]);
+        if (left > 0) i = from[at(left)][at(i)];
+      }
+      std::reverse(path.breaks.begin(), path.breaks.end());
+      result[at(k)].push_back(std::move(path));
+    }
+  }
+  if (most >= 2 && task_.musts.empty()) {
+    for (int c = 1; c + 1 < count; ++c) {
+      const std::size_t rest = at(count - 2 - c);
+      if (at(c - 1) >= error[0].size() || rest >= error[at(c)].size()) continue;
+      result[2].push_back({std::max(error[0][at(c - 1)], error[at(c)][rest]),
+                           {candidates.front(), candidates[at(c)], candidates.back()}});
+    }
+  }
+  for (auto& list : result) {
+    std::stable_sort(list.begin(), list.end(), [](const Path& a, const Path& b) { return a.error < b.error; });
+    std::vector<Path> distinct;
+    for (Path& path : list) {
+      const bool is_known =
+          std::any_of(distinct.begin(), distinct.end(), [&](const Path& p) { return p.breaks == path.breaks; });
+      if (!is_known) distinct.push_back(std::move(path));
+    }
+    list = std::move(distinct);
+  }
+  return result;
+}
+
+bool Search::verified(const std::vector<Bezier>& pieces) const {
+  const double tolerance = settings_.options.tolerance;
+  const double sagitta = polyline_sagitta * tolerance;
+  if (settings_.options.extrema == Extrema::Keep) {
+    // An extremum inside a curve by more than a unit's fraction would want a node of its own.
+    constexpr double most = 0.9;
+    for (const Bezier& b : pieces) {
+      for (int axis = 0; axis < 2; ++axis) {
+        const auto [low, high] = std::minmax(b.start()[axis], b.end()[axis]);
+        for (const double u : extrema(b, axis)) {
+          const double value = evaluate(b, u)[axis];
+          if (value < low - most || value > high + most) return false;
+        }
+      }
+    }
+  }
+  std::vector<Point> line;
+  const Stretch& stretch = task_.stretch;
+  if (stretch.first > 0) line.push_back(stretch.samples.front().place);
+  double turn = 0.0;
+  for (const Bezier& b : pieces) {
+    add_polyline(b, sagitta, 20, line);
+    Point tangent = start_tangent(b);
+    for (int i = 1; i <= 16; ++i) {
+      const Point then = tangent_at(b, i / 16.0);
+      turn += std::abs(angle(tangent, then));
+      tangent = then;
+    }
+  }
+  line.push_back(pieces.back().end());
+  const bool has_after = stretch.last + 1 < static_cast<int>(stretch.samples.size());
+  if (has_after) line.push_back(stretch.samples.back().place);
+  double source_turn = 0.0;
+  for (std::size_t i = 1; i < stretch.samples.size(); ++i)
+    source_turn += std::abs(angle(stretch.samples[i - 1].tangent, stretch.samples[i].tangent));
+  if (turn > source_turn + 1.0) return false;  // a loop or a cusp
+  const double limit = tolerance * (1.0 - polyline_sagitta);
+  return stays_within(line, stretch.polyline, limit) && stays_within(stretch.polyline, line, limit);
+}
+
+// The chain as it will be written, if that stays within the tolerance.
+std::optional<Result> Search::accepted(ChainFit fit) {
+  const double tolerance = settings_.options.tolerance;
+  const auto turn_of = [](const Join& join, const Point& tangent) {
+    return join.is_corner ? join.turned + angle(join.tangent, tangent) : 0.0;
+  };
+  const auto result_of = [&](std::vector<Bezier> pieces) {
+    const Chain& chain = fit.chain();
+    last_ = chain;
+    return Result{pieces, turn_of(chain.joins.front(), start_tangent(pieces.front())),
+                  chain.is_closed ? 0.0 : turn_of(chain.joins.back(), end_tangent(pieces.back()))};
+  };
+  if (settings_.options.coordinates == Coordinates::Any) {
+    std::vector<Bezier> pieces;
+    for (int i = 0; i < fit.chain().size(); ++i) pieces.push_back(fit.chain().piece(i));
+    if (verified(pieces)) return result_of(std::move(pieces));
+    if (fit.solve(0.9 * tolerance, 12)) {
+      pieces.clear();
+      for (int i = 0; i < fit.chain().size(); ++i) pieces.push_back(fit.chain().piece(i));
+      if (verified(pieces)) return result_of(std::move(pieces));
+    }
+    work_ += fit.work();
+    return std::nullopt;
+  }
+  // Room for what rounding moves: up to three quarters of a unit.
+  const long before = fit.work();
+  fit.solve(std::max(0.2 * tolerance, tolerance - 0.75), 30, ChainFit::Until::Least);
+  work_ += fit.work() - before;
+  for (const auto& [reach, states] : {std::pair{0, std::size_t{24}}, std::pair{1, std::size_t{80}}}) {
+    const auto pieces = fit.rounded(settings_.fraction, reach, states);
+    work_ += static_cast<long>(task_.stretch.samples.size()) * (reach + 1);
+    if (pieces && verified(*pieces)) return result_of(*pieces);
+  }
+  return std::nullopt;
+}
+
+std::optional<Result> Search::tried(Chain chain, double* error) {
+  ChainFit fit(task_.stretch, std::move(chain));
+  const bool is_within = fit.solve(aim * settings_.options.tolerance, 40);
+  work_ += fit.work();
+  if (error != nullptr) *error = fit.worst();
+  return is_within ? accepted(std::move(fit)) : std::nullopt;
+}
+
+// Joins dropped while what is left still does.
+Result Search::shortened(Chain chain, Result result) {
+  constexpr int tries = 4;
+  const auto& samples = task_.stretch.samples;
+  for (bool again = true; again && chain.size() >= 3 && !is_exhausted();) {
+    again = false;
+    const int k = chain.size();
+    for (int j = 1; j < k; ++j) {  // the samples where the joins are by now
+      const Point place = chain.joins[at(j)].place;
+      int& own = chain.breaks[at(j)];
+      double least = never;
+      int nearest = own;
+      for (int m = chain.breaks[at(j - 1)] + 1; m < chain.breaks[at(j + 1)]; ++m) {
+        const double square = (samples[at(m)].place - place).squaredNorm();
+        if (square < least) {
+          least = square;
+          nearest = m;
+        }
+      }
+      own = nearest;
+    }
+    struct Removal {
+      double error;
+      int join;
+    };
+    std::vector<Removal> removals;
+    for (int j = 1; j < k; ++j) {
+      const Join& join = chain.joins[at(j)];
+      if (join.moves) removals.push_back({span_error(chain.breaks[at(j - 1)], chain.breaks[at(j + 1)]), j});
+    }
+    std::stable_sort(removals.begin(), removals.end(),
+                     [](const Removal& a, const Removal& b) { return a.error < b.error; });
+    for (int r = 0; r < std::min(tries, static_cast<int>(removals.size())) && !again; ++r) {
+      if (removals[at(r)].error > 60.0 * settings_.options.tolerance) break;
+      const int j = removals[at(r)].join;
+      Chain fewer = chain;
+      fewer.joins.erase(fewer.joins.begin() + j);
+      fewer.breaks.erase(fewer.breaks.begin() + j);
+      fewer.out.erase(fewer.out.begin() + j);
+      fewer.in.erase(fewer.in.begin() + (j - 1));
+      fewer.arc.erase(fewer.arc.begin() + j);
+      if (!fewer.top.empty()) fewer.top.erase(fewer.top.begin() + j);
+      const double arc = samples[at(fewer.breaks[at(j)])].s - samples[at(fewer.breaks[at(j - 1)])].s;
+      fewer.arc[at(j - 1)] = arc;
+      fewer.out[at(j - 1)] = fewer.in[at(j - 1)] = arc / 3.0;
+      if (auto better = tried(std::move(fewer))) {
+        result = std::move(*better);
+        chain = *last_;
+        again = true;
+      }
+    }
+  }
+  return result;
+}
+
+std::optional<Result> Search::run() {
+  const Stretch& stretch = task_.stretch;
+  const CurveKind kind = settings_.options.curve;
+  const int most = std::min(task_.most_pieces, static_cast<int>(task_.candidates.size()) - 1);
+  if (most < 1) return std::nullopt;
+  if (task_.musts.empty() && !stretch.is_closed) {
+    std::vector<int> ends{stretch.first, stretch.last};
+    if (auto result = tried(lay_chain(stretch, kind, joins_at(ends), ends))) return result;
+  }
+  if (most < 2) return std::nullopt;
+  const auto by_count = paths(most);
+  constexpr double distinct = 0.12;  // of a piece: paths nearer than this lead to the same place
+  const double length = stretch.samples[at(stretch.last)].s - stretch.samples[at(stretch.first)].s;
+  for (int k = 2; k <= most && !is_exhausted(); ++k) {
+    const bool is_long = k >= 5;
+    const int starts = is_long ? 3 : 8;
+    const double limit = (is_long ? 4.0 : 10.0) * settings_.options.tolerance;
+    int tries = 0;
+    double first_error = 0.0;
+    std::vector<const Path*> seen;
+    for (const Path& path : by_count[at(k)]) {
+      if (path.error > limit * (tries == 0 && !is_long ? 3.0 : 1.0) || tries >= starts || is_exhausted()) break;
+      if (tries > 0 && first_error > 3.0 * settings_.options.tolerance) break;
+      const bool is_known = std::any_of(seen.begin(), seen.end(), [&](const Path* other) {
+        double farthest = 0.0;
+        for (std::size_t j = 1; j + 1 < path.breaks.size(); ++j) {
+          farthest = std::max(
+              farthest, std::abs(stretch.samples[at(path.breaks[j])].s - stretch.samples[at(other->breaks[j])].s));
+        }
+        return farthest < distinct * length / k;
+      });
+      if (is_known) continue;
+      seen.push_back(&path);
+      double error = 0.0;
+      auto result = tried(lay_chain(stretch, kind, joins_at(path.breaks), path.breaks), &error);
+      if (result) return k >= 3 ? shortened(*last_, std::move(*result)) : result;
+      if (tries++ == 0) first_error = error;
+    }
+  }
+  return std::nullopt;
+}
+
+// --- the contour
+// ------------------------------------------------------------------------------------------------------
+
+// A segment of the source, or a part of it between extrema, or several that are one straight line.
+struct Element {
+  Bezier curve;
+  int source = 0;          // the segment it begins with
+  int sources = 1;         // how many end in it
+  bool is_corner = false;  // at its start
+  bool is_first = false;   // it starts at the contour's first node
+  bool is_line = false;    // one that stays
+  double turn = 0.0;       // at its start, absolute
+};
+
+bool is_straight(const Bezier& b, double tolerance) {
+  const Point chord = b.end() - b.start();
+  const double length = chord.norm();
+  if (!(length > 0.0)) return false;
+  const Point along = chord / length;
+  for (int i = 1; i < b.degree; ++i) {
+    const Point d = b.p[at(i)] - b.start();
+    const double x = d.dot(along);
+    if (std::abs(cross(along, d)) > tolerance || x < -1e-9 || x > length + 1e-9) return false;
+  }
+  return true;
+}
+
+class ContourFit {
+ public:
+  ContourFit(const BezierContour& source, const CompactOptions& options);
+  CompactFit run();
+
+ private:
+  void make_elements();
+  void split_at_extrema();
+  void merge_lines();
+  Task task_of(int from, int to) const;
+  std::optional<std::vector<Bezier>> originals(int from, int to) const;
+  CompactFit as_it_was(std::string why) const;
+  bool is_admissible(int segment) const;
+  const Element& element(int i) const { return elements_[at((i + count()) % count())]; }
+  int count() const { return static_cast<int>(elements_.size()); }
+  Point whole(const Point& p) const;
+
+  const BezierContour& source_;
+  Settings settings_;
+  Point origin_;
+  std::vector<Element> elements_;
+  std::vector<double> corner_turn_;          // by element: what the stretch before has turned the corner at its start
+  std::vector<std::vector<Bezier>> fitted_;  // by element that a stretch or a line begins with
+  long work_ = 0;
+};
+
+ContourFit::ContourFit(const BezierContour& source, const CompactOptions& options) : source_(source) {
+  settings_.options = options;
+  settings_.unit = options.units_per_em / 1000.0;
+  origin_ = source.point(source.node(0));
+  for (int axis = 0; axis < 2; ++axis) settings_.fraction[axis] = origin_[axis] - std::floor(origin_[axis]);
+}
+
+Point ContourFit::whole(const Point& p) const {
+  if (settings_.options.coordinates == Coordinates::Any) return p;
+  Point rounded;
+  for (int axis = 0; axis < 2; ++axis) {
+    const double below = std::floor(p[axis] + settings_.fraction[axis]) - settings_.fraction[axis];
+    const double down = p[axis] - below;
+    const double up = below + 1.0 - p[axis];
+    const bool takes_below = down != up ? down < up : std::abs(below) < std::abs(below + 1.0);
+    rounded[axis] = takes_below ? below : below + 1.0;
+  }
+  return rounded;
+}
+
+CompactFit ContourFit::as_it_was(std::string why) const {
+  return {source_, 0.0, source_.point(source_.node(0)), true, std::move(why), work_};
+}
+
+// Whether a segment of the source may be written as it is.
+bool ContourFit::is_admissible(int segment) const {
+  const CurveKind curve = settings_.options.curve;
+  const int degree = source_.degree(segment);
+  if (degree == (curve == CurveKind::Cubic ? 2 : 3)) return false;
+  for (int k = 0; k <= degree; ++k) {
+    const int index = source_.point_of(segment, k);
+    if (curve == CurveKind::Quadratic && source_.kind(index) == PointKind::ImpliedNode) continue;
+    const Point p = source_.point(index) - origin_;
+    if (whole(p) != p) return false;
+  }
+  return true;
+}
+
+void ContourFit::make_elements() {
+  const CompactOptions& options = settings_.options;
+  bool is_first = true;
+  for (int s = 0; s < source_.segment_count(); ++s) {
+    Element element;
+    element.curve = source_.segment(s);
+    if (is_degenerate(element.curve)) continue;
+    for (Point& p : element.curve.p) p -= origin_;
+    element.source = s;
+    element.is_first = std::exchange(is_first, false);
+    if (element.curve.degree > 1 && is_straight(element.curve, straightness * options.tolerance)) {
+      element.curve.p[1] = element.curve.end();
+      element.curve.degree = 1;
+    }
+    elements_.push_back(element);
+  }
+  const double run = options.straight_run * options.units_per_em;
+  for (int i = 0; i < count(); ++i) {
+    Element& own = elements_[at(i)];
+    const Bezier& before = element(i - 1).curve;
+    own.turn = std::abs(angle(end_tangent(before), start_tangent(own.curve)));
+    const auto is_long_line = [&](const Bezier& b) { return b.degree == 1 && (b.end() - b.start()).norm() >= run; };
+    constexpr double bend = 0.2 * degrees;  // of two straight runs
+    own.is_corner =
+        own.turn > options.corner_angle || (own.turn > bend && is_long_line(own.curve) && is_long_line(before)) ||
+        std::find(options.corners.begin(), options.corners.end(), source_.node(own.source)) != options.corners.end();
+  }
+}
+
+void ContourFit::merge_lines() {
+  std::vector<Element> merged;
+  for (const Element& own : elements_) {
+    if (!merged.empty() && !own.is_corner && !own.is_first && own.curve.degree == 1 &&
+        merged.back().curve.degree == 1) {
+      Bezier& line = merged.back().curve;
+      const Bezier both{{line.start(), line.end(), own.curve.end(), Point::Zero()}, 2};
+      if (is_straight(both, straightness * settings_.options.tolerance)) {
+        line.p[1] = own.curve.end();
+        merged.back().sources += own.sources;
+        continue;
+      }
+    }
+    merged.push_back(own);
+  }
+  elements_ = std::move(merged);
+}
+
+void ContourFit::split_at_extrema() {
+  std::vector<Element> parts;
+  for (const Element& own : elements_) {
+    std::vector<double> cuts;
+    for (int axis = 0; axis < 2; ++axis) {
+      for (const double u : extrema(own.curve, axis)) {
+        if (u > 0.002 && u < 0.998) cuts.push_back(u);
+      }
+    }
+    std::sort(cuts.begin(), cuts.end());
+    Element rest = own;
+    double done = 0.0;
+    for (const double cut : cuts) {
+      const double u = (cut - done) / (1.0 - done);
+      if (u < 1e-3 || u > 0.999) continue;
+      done = cut;
+      const auto halves = split(rest.curve, u);
+      Element part = rest;
+      part.curve = halves[0];
+      part.sources = 0;
+      parts.push_back(part);
+      rest.curve = halves[1];
+      rest.is_corner = rest.is_first = false;
+      rest.turn = 0.0;
+    }
+    parts.push_back(rest);
+  }
+  elements_ = std::move(parts);
+}
+
+// The source's own segments, if they are of a kind that may be written.
+std::optional<std::vector<Bezier>> ContourFit::originals(int from, int to) const {
+  std::vector<Bezier> pieces;
+  for (int i = from; i < to; ++i) {
+    const Element& own = element(i);
+    if (own.sources == 0) continue;  // a part: the whole comes with the last
+    Bezier b = own.curve;
+    if (b.degree > 1) {
+      b = source_.segment(own.source);
+      for (Point& p : b.p) p -= origin_;
+      if (is_admissible(own.source)) {
+        pieces.push_back(b);
+        continue;
+      }
+      if (settings_.options.curve == CurveKind::Quadratic) return std::nullopt;
+      if (b.degree == 2) {
+        const Point q = b.p[1];
+        b = {{b.p[0], (b.p[0] + 2.0 * q) / 3.0, (b.p[2] + 2.0 * q) / 3.0, b.p[2]}, 3};
+      }
+    }
+    for (int k = 0; k <= b.degree; ++k) b.p[at(k)] = whole(b.p[at(k)]);
+    pieces.push_back(b);
+  }
+  return pieces;
+}
+
+// The stretch over elements [from, to).
+Task ContourFit::task_of(int from, int to) const {
+  const CompactOptions& options = settings_.options;
+  const double em = options.units_per_em;
+  Task task;
+  Stretch& stretch = task.stretch;
+  stretch.is_closed = to - from == count() && !element(from).is_corner;
+
+  // A line next to it that it goes on from smoothly, and how much of it may be taken back.
+  const auto room_of = [&](const Element& line, bool both_smooth) {
+    return (line.curve.end() - line.curve.start()).norm() * (both_smooth ? 0.5 : 1.0) * line_share;
+  };
+  const auto handle_of = [](const Bezier& b, bool is_start) {
+    const Point d = is_start ? Point(b.p[1] - b.start()) : Point(b.end() - b.p[at(b.degree - 1)]);
+    const double size = d.norm();
+    return size > 0.0 ? size : (b.end() - b.start()).norm();
+  };
+  const auto end_join = [&](bool is_start) {
+    const Element& own = is_start ? element(from) : element(to - 1);
+    const Element& node = is_start ? element(from) : element(to);  // that starts at this end
+    const Element& beside = is_start ? element(from - 1) : element(to);
+    const int node_index = (is_start ? from : to) % count();
+    Join join;
+    join.place = join.home = is_start ? own.curve.start() : own.curve.end();
+    join.tangent = is_start ? start_tangent(own.curve) : end_tangent(own.curve);
+    if (stretch.is_closed) {
+      join.turns = true;
+      join.home = join.place = whole(join.place);
+      return join;
+    }
+    join.is_corner = node.is_corner;
+    if (node.is_corner) {
+      const double slack =
+          1.4 / std::max(1.0, std::min(handle_of(own.curve, is_start), handle_of(beside.curve, !is_start)));
+      const double turned = corner_turn_[at(node_index)];
+      const double freedom = std::min(corner_freedom, 0.4 * node.turn);
+      join.turns = true;
+      join.turn_low = turned - freedom - 0.5 * slack;
+      join.turn_high = turned + freedom + 0.5 * slack;
+      join.turn_slack = 0.4 * slack;
+      join.home = join.place = whole(join.place);
+      return join;
+    }
+    // A smooth end is that of a line that stays.
+    join.tangent = is_start ? end_tangent(beside.curve) : start_tangent(beside.curve);
+    join.rail = join.tangent;
+    const auto& line = fitted_[at((is_start ? from - 1 + count() : to) % count())];
+    join.line_end = is_start ? line.front().start() : line.back().end();
+    if (node.is_first) {
+      join.home = join.place = whole(join.place);
+      return join;
+    }
+    join.slides = true;
+    const bool other_smooth = is_start ? !element(from - 1).is_corner : !element(to + 1).is_corner;
+    const double room = room_of(beside, other_smooth);
+    join.slide_low = is_start ? -room : -em;
+    join.slide_high = is_start ? em : room;
+    return join;
+  };
+  task.start = end_join(true);
+  if (!stretch.is_closed) task.end = end_join(false);
+
+  // Samples.
+  const auto extend = [&](const Join& join, bool is_start) {
+    constexpr int samples = 4;
+    if (!join.slides) return;
+    const double room = is_start ? -join.slide_low : join.slide_high;
+    for (int i = 1; i <= samples; ++i) {
+      const double back = is_start ? samples + 1 - i : i;
+      const double signed_room = (is_start ? -room : room) * back / samples;
+      stretch.samples.push_back({join.place + signed_room * join.tangent, join.tangent, 0.0});
+    }
+  };
+  if (!stretch.is_closed) extend(task.start, true);
+  stretch.first = static_cast<int>(stretch.samples.size());
+  std::vector<Extent> extents;
+  std::vector<double> weights;
+  double total = 0.0;
+  for (int i = from; i < to; ++i) {
+    extents.push_back(extent_of(element(i).curve));
+    weights.push_back(extents.back().length / (sample_length * em) + extents.back().turn / sample_turn);
+    total += weights.back();
+    stretch.source.push_back(element(i).curve);
+  }
+  const int fewest = static_cast<double>(to - from) * 3.0 + total > most_samples ? 1 : 3;
+  const double scale = std::min(1.0, most_samples / (total + 1.0));
+  double least_gap = 0.0;
+  double since = never;
+  double gaps = 0.0;
+  for (const double w : weights) gaps += std::max(w, 0.0);
+  if (static_cast<double>(to - from) + gaps * sample_turn / candidate_turn > most_candidates)
+    least_gap = gaps / most_candidates;
+  for (int i = from; i < to; ++i) {
+    const Bezier& b = element(i).curve;
+    const auto k = at(i - from);
+    const int samples = std::clamp(static_cast<int>(std::ceil(scale * weights[k])), fewest, most_samples_of_curve);
+    const int begin = static_cast<int>(stretch.samples.size());
+    for (int j = 0; j < samples; ++j) {
+      const double u = static_cast<double>(j) / samples;
+      stretch.samples.push_back({evaluate(b, u), tangent_at(b, u), 0.0});
+    }
+    int parts = b.degree == 1 ? 1 : std::max(1, static_cast<int>(std::round(extents[k].turn / candidate_turn)));
+    if (parts == 1 && to - from < 4 && b.degree > 1) parts = 2;
+    for (int j = 0; j < parts; ++j) {
+      const double gap = weights[k] / parts;
+      if (since >= least_gap || (i == from && j == 0)) {
+        task.candidates.push_back(begin + samples * j / parts);
+        since = 0.0;
+      }
+      since += gap;
+    }
+  }
+  stretch.last = static_cast<int>(stretch.samples.size());
+  const Bezier& final = element(to - 1).curve;
+  stretch.samples.push_back({final.end(), end_tangent(final), 0.0});
+  task.candidates.push_back(stretch.last);
+  if (!stretch.is_closed) extend(task.end, false);
+  auto& samples = stretch.samples;
+  if (!stretch.is_closed) {
+    if (!task.start.is_corner) samples[at(stretch.first)].tangent = task.start.tangent;
+    if (!task.end.is_corner) samples[at(stretch.last)].tangent = task.end.tangent;
+  }
+  for (std::size_t i = 1; i < samples.size(); ++i)
+    samples[i].s = samples[i - 1].s + (samples[i].place - samples[i - 1].place).norm();
+
+  // Extrema, where the sense of the tangent along an axis changes, and the first node.
+  std::vector<Task::Must>& musts = task.musts;
+  const int n = static_cast<int>(samples.size());
+  if (options.extrema == Extrema::Keep) {
+    const double prominence = std::min(options.tolerance, 0.8);
+    for (int axis = 0; axis < 2; ++axis) {
+      const auto component = [&](int i) { return samples[at(i)].tangent[axis]; };
+      constexpr double none = 1e-9;
+      int sense = 0;
+      int since_sample = -1;
+      if (stretch.is_closed) {
+        for (int i = stretch.last - 1; i > 0 && sense == 0; --i) {
+          if (std::abs(component(i)) > none) {
+            sense = component(i) > 0.0 ? 1 : -1;
+            since_sample = i - stretch.last;
+          }
+        }
+      }
+      for (int i = stretch.first; i <= stretch.last; ++i) {
+        if (std::abs(component(i)) <= none) continue;
+        const int own = component(i) > 0.0 ? 1 : -1;
+        if (sense != 0 && own != sense) {
+          int best = i;
+          double least = never;
+          for (int m = since_sample; m <= i; ++m) {
+            const int sample = m < 0 ? m + stretch.last : m;
+            if (std::abs(component(sample)) < least) {
+              least = std::abs(component(sample));
+              best = sample;
+            }
+          }
+          const Sample& sample = samples[at(best)];
+          const int across = 1 - axis;
+          const auto leaves = [&](int step) {
+            int m = best;
+            for (int c = 0; c < n; ++c) {
+              m += step;
+              if (stretch.is_closed)
+                m = (m + stretch.last) % stretch.last;
+              else if (m < stretch.first || m > stretch.last)
+                return false;
+              if (std::abs(samples[at(m)].place[across] - sample.place[across]) > prominence) return true;
+            }
+            return false;
+          };
+          Join join;
+          join.place = join.home = sample.place;
+          join.tangent = Point::Zero();
+          join.tangent[across == 1 ? 0 : 1] = 1.0;
+          if (join.tangent.dot(sample.tangent) < 0.0) join.tangent = -join.tangent;
+          join.rail = join.tangent;
+          join.slides = true;
+          join.slide_low = -extremum_slide * em;
+          join.slide_high = extremum_slide * em;
+          // tangent[axis] vanishes here: it lies along the other axis
+          join.tangent = Point::Zero();
+          join.tangent[across] = sample.tangent[across] > 0.0 ? 1.0 : -1.0;
+          join.rail = join.tangent;
+          if (leaves(1) && leaves(-1)) {
+            const bool at_end = best == stretch.first || best == stretch.last;
+            if (!at_end) {
+              musts.push_back({best, join});
+            } else if (stretch.is_closed) {
+              task.start.tangent = join.tangent;
+              task.start.turns = false;
+            }
+          }
+        }
+        sense = own;
+        since_sample = i;
+      }
+    }
+  }
+  for (int i = from + 1; i < to; ++i) {
+    if (!element(i).is_first) continue;
+    int sample = stretch.first;
+    for (int m = stretch.first; m < stretch.last; ++m) {
+      if (samples[at(m)].place == element(i).curve.start()) sample = m;
+    }
+    const auto known =
+        std::find_if(musts.begin(), musts.end(), [&](const Task::Must& must) { return must.sample == sample; });
+    if (known != musts.end()) {
+      known->join.slides = false;
+      known->join.home = known->join.place = whole(known->join.place);
+    } else {
+      Join join;
+      join.place = join.home = whole(samples[at(sample)].place);
+      join.tangent = samples[at(sample)].tangent;
+      join.turns = true;
+      musts.push_back({sample, join});
+    }
+  }
+  std::sort(musts.begin(), musts.end(), [](const Task::Must& a, const Task::Must& b) { return a.sample < b.sample; });
+  for (std::size_t i = 1; i < musts.size();) {
+    i = musts[i].sample == musts[i - 1].sample
+            ? static_cast<std::size_t>(musts.erase(musts.begin() + static_cast<long>(i)) - musts.begin())
+            : i + 1;
+  }
+  for (const Task::Must& must : musts) task.candidates.push_back(must.sample);
+  std::sort(task.candidates.begin(), task.candidates.end());
+  task.candidates.erase(std::unique(task.candidates.begin(), task.candidates.end()), task.candidates.end());
+
+  if (stretch.first > 0) stretch.polyline.push_back(samples.front().place);
+  for (const Bezier& b : stretch.source) add_polyline(b, polyline_sagitta * options.tolerance, 6, stretch.polyline);
+  stretch.polyline.push_back(final.end());
+  if (stretch.last + 1 < n) stretch.polyline.push_back(samples.back().place);
+  int segments = 0;
+  bool is_admissible_as_is = true;
+  bool has_cubic = false;
+  for (int i = from; i < to; ++i) {
+    segments += element(i).sources;
+    is_admissible_as_is = is_admissible_as_is && (element(i).curve.degree == 1 || is_admissible(element(i).source));
+    has_cubic = has_cubic || element(i).curve.degree == 3;
+  }
+  // Quadratics for cubics may have to be more.
+  constexpr int quadratics_for_cubic = 8;
+  task.most_pieces = options.curve == CurveKind::Quadratic && has_cubic ? quadratics_for_cubic * segments
+                     : is_admissible_as_is                              ? segments - 1
+                                                                        : segments;
+  return task;
+}
+
+CompactFit ContourFit::run() {
+  const CompactOptions& options = settings_.options;
+  if (options.tolerance == 0.0) return as_it_was("the tolerance is 0");
+  make_elements();
+  if (count() < 2) return as_it_was("it has fewer than two segments with length");
+  merge_lines();
+  if (options.extrema == Extrema::Keep) split_at_extrema();
+  const double run = options.straight_run * options.units_per_em;
+  for (int i = 0; i < count(); ++i) {
+    Element& own = elements_[at(i)];
+    own.is_line = own.curve.degree == 1 &&
+                  ((own.curve.end() - own.curve.start()).norm() >= run || (own.is_corner && element(i + 1).is_corner));
+  }
+  corner_turn_.assign(at(count()), 0.0);
+  fitted_.assign(at(count()), {});
+
+  // Begin at a break: a corner, else a line that stays, else the first node.
+  int begin = 0;
+  const auto breaks_at = [&](int i) { return element(i).is_corner || element(i).is_line || element(i - 1).is_line; };
+  while (begin < count() && !breaks_at(begin)) ++begin;
+  const bool is_whole = begin == count();
+  if (is_whole) begin = 0;
+  for (int i = 0; i < count(); ++i) {
+    if (element(i).is_line) {
+      const Bezier& line = element(i).curve;
+      fitted_[at(i)] = {{{whole(line.start()), whole(line.end()), Point::Zero(), Point::Zero()}, 1}};
+    }
+  }
+  int written = 0;
+  for (int from = begin; from < begin + count();) {
+    const int index = from % count();
+    if (element(from).is_line) {
+      ++from;
+      ++written;
+      continue;
+    }
+    int to = from + 1;
+    while (to < begin + count() && (is_whole || !breaks_at(to))) ++to;
+    auto& pieces = fitted_[at(index)];
+    Task task = task_of(from, to);
+    std::optional<Result> result;
+    if (task.most_pieces >= 1) result = Search(task, settings_, work_).run();
+    if (result) {
+      pieces = std::move(result->pieces);
+      if (task.start.is_corner) corner_turn_[at(index)] = result->start_turn;
+      if (task.end.is_corner) corner_turn_[at(to % count())] = result->end_turn;
+      if (task.start.slides) fitted_[at((from - 1 + count()) % count())].back().p[1] = pieces.front().start();
+      if (task.end.slides) fitted_[at(to % count())].front().p[0] = pieces.back().end();
+    } else if (auto own = originals(from, to)) {
+      pieces = std::move(*own);
+    } else {
+      return as_it_was(work_ > options.most_work ? "the work would be more than is allowed"
+                                                 : "no quadratics were found that stay within the tolerance");
+    }
+    written += static_cast<int>(pieces.size());
+    from = to;
+  }
+
+  // From the first node on.
+  std::vector<Bezier> out;
+  int first = 0;
+  for (int from = begin; from < begin + count(); ++from) {
+    const auto& pieces = fitted_[at(from % count())];
+    if (element(from).is_first) first = static_cast<int>(out.size());
+    out.insert(out.end(), pieces.begin(), pieces.end());
+  }
+  if (!element(begin).is_first) {
+    // inside a stretch it is the join that lies there
+    Point start = whole(Point::Zero());
+    for (std::size_t i = 0; i < out.size(); ++i) {
+      if (out[i].start() == start) first = static_cast<int>(i);
+    }
+  }
+  std::rotate(out.begin(), out.begin() + first, out.end());
+  bool is_admissible_as_is = true;
+  for (int s = 0; s < source_.segment_count(); ++s) is_admissible_as_is = is_admissible_as_is && is_admissible(s);
+  if (is_admissible_as_is && written >= source_.segment_count()) return as_it_was("nothing shorter was found");
+
+  Points points(static_cast<Eigen::Index>(4 * out.size()), 2);
+  std::vector<PointKind> kinds;
+  const auto add = [&](const Point& p, PointKind kind) {
+    points.row(static_cast<Eigen::Index>(kinds.size())) = (p + origin_).transpose();
+    kinds.push_back(kind);
+  };
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    const Bezier& b = out[i];
+    const Bezier& before = out[i == 0 ? out.size() - 1 : i - 1];
+    const bool is_implied = b.degree == 2 && before.degree == 2 && b.start() == 0.5 * (before.p[1] + b.p[1]);
+    add(b.start(), is_implied ? PointKind::ImpliedNode : PointKind::Node);
+    for (int k = 1; k < b.degree; ++k) add(b.p[at(k)], b.degree == 2 ? PointKind::Quadratic : PointKind::Cubic);
+  }
+  points.conservativeResize(static_cast<Eigen::Index>(kinds.size()), 2);
+  CompactFit fit;
+  fit.contour = BezierContour(std::move(points), std::move(kinds));
+  fit.work = work_;
+  const auto [deviation, where] = farthest(source_, fit.contour, measuring_accuracy * options.tolerance);
+  fit.deviation = deviation;
+  fit.where = where;
+  return fit;
+}
+
+}  // namespace
+
+}  // namespace compact
+
+CompactFit fit_compact(const BezierContour& source, const CompactOptions& options) {
+  if (!(options.tolerance >= 0.0) || !std::isfinite(options.tolerance))
+    throw InvalidInput(text("fit_compact: the tolerance is ", options.tolerance));
+  if (!(options.units_per_em > 0.0))
+    throw InvalidInput(text("fit_compact: the em is ", options.units_per_em, " units"));
+  CompactFit fit;
+  CompactOptions aimed = options;
+  for (const double share : {1.0, 0.9, 0.7}) {  // what was missed between the places looked at
+    aimed.tolerance = share * options.tolerance;
+    fit = compact::ContourFit(source, aimed).run();
+    if (fit.deviation <= options.tolerance) return fit;
+  }
+  if (fit.why.empty()) fit.why = text("it is ", fit.deviation, " units off");
+  return fit;
+}
+
+}  // namespace fontcore

@@ -1,0 +1,59 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "fontcore/contour.h"
+
+namespace fontcore {
+
+/// Whether horizontal and vertical extrema become nodes with axis-aligned handles.
+enum class Extrema : std::uint8_t { Keep, Free };
+/// What curves are made of. Quadratics are TrueType's: smooth nodes between two handles are implied.
+enum class CurveKind : std::uint8_t { Cubic, Quadratic };
+enum class Coordinates : std::uint8_t { Whole, Any };
+
+struct CompactOptions {
+  double tolerance = 1.0;        ///< two-sided distance allowed, after rounding, font units; 0: leave all as it is
+  double units_per_em = 1000.0;  ///< what a straight run is measured by
+  Extrema extrema = Extrema::Keep;
+  CurveKind curve = CurveKind::Cubic;
+  Coordinates coordinates = Coordinates::Whole;
+  double corner_angle = 0.139626;  ///< sharper turns are corners, radians (8 degrees)
+  double straight_run = 0.03;      ///< straight runs this long stay lines, em
+  std::vector<int> corners;        ///< points of the contour that are corners however little they turn
+  long most_work = 400'000;        ///< samples looked at by the solver; a millionth of a second is about thirty
+};
+
+/// An outline of fewer segments, and where it is farthest from the one it stands for.
+struct CompactFit {
+  BezierContour contour;
+  double deviation = 0.0;       ///< two-sided distance from the source, measured, font units
+  Point where = Point::Zero();  ///< the point of either that is so far from the other
+  bool kept = false;            ///< left as it was, bit for bit: nothing shorter was found
+  std::string why;              ///< if kept, the reason
+  long work = 0;                ///< of `most_work`
+};
+
+/// The fewest lines and curves found within a distance of a contour.
+///
+/// Corners and straight runs split the contour; what is between them is a chain of curves whose smooth joins share one
+/// tangent. Dynamic programming over places to join at gives chains to start from, one solve over all joins and handles
+/// at once moves them towards the least largest distance, and joins are dropped while the distance stays within the
+/// tolerance. Coordinates are then rounded by a search over neighbouring whole numbers that keeps smooth joins within
+/// 1.5 degrees, and the result is measured; what fails is tried with more curves, in the end as many as there were.
+///
+/// The first node of the contour stays the first node, the direction stays. A corner keeps its angle within 2 degrees
+/// and what one and a half units at its shorter handle turn it; beside a straight run it may slide along it, by less
+/// than the tolerance. The source's own nodes mean nothing but a hint where to join: it may be cut as finely as it
+/// likes.
+///
+/// Exact   deviation <= tolerance unless kept or `why` says otherwise; never more segments than the source has. A
+/// source
+///         moved by whole units or mirrored gives the result moved or mirrored, bit for bit, if its coordinates are
+///         dyadic fractions, as font coordinates are.
+/// Throws  InvalidInput if the tolerance is negative or not finite, or the em not positive.
+CompactFit fit_compact(const BezierContour& source, const CompactOptions& options = {});
+
+}  // namespace fontcore

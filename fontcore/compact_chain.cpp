@@ -1,0 +1,709 @@
+#include "fontcore/compact_chain.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "fontcore/profile.h"
+
+namespace fontcore::compact {
+
+namespace {
+
+double cross(const Point& a, const Point& b) { return a.x() * b.y() - a.y() * b.x(); }
+Point left_of(const Point& a) { return {-a.y(), a.x()}; }
+double angle(const Point& a, const Point& b) { return std::atan2(cross(a, b), a.dot(b)); }
+
+std::size_t at(int i) { return static_cast<std::size_t>(i); }
+
+// Handles stay between these shares of the arc below their curve.
+constexpr double shortest_handle = 0.03;
+constexpr double longest_handle = 1.2;
+// A step moves no handle and no join by more than this share of the arc, and turns no tangent by more.
+constexpr double longest_step = 0.35;
+constexpr double largest_turn = 0.35;  // radians
+
+}  // namespace
+
+Bezier Chain::piece(int index) const {
+  const Join& a = joins[at(index)];
+  const Join& b = joins[at(next(index))];
+  if (kind == CurveKind::Quadratic) return {{a.place, top[at(index)], b.place, Point::Zero()}, 2};
+  return {{a.place, a.place + a.tangent * out[at(index)], b.place - b.tangent * in[at(index)], b.place}, 3};
+}
+
+Chain lay_chain(const Stretch& stretch, CurveKind kind, std::vector<Join> joins, std::vector<int> breaks) {
+  Chain chain;
+  chain.kind = kind;
+  chain.is_closed = stretch.is_closed;
+  chain.joins = std::move(joins);
+  chain.breaks = std::move(breaks);
+  for (std::size_t i = 0; i + 1 < chain.breaks.size(); ++i) {
+    const double arc = stretch.samples[at(chain.breaks[i + 1])].s - stretch.samples[at(chain.breaks[i])].s;
+    chain.arc.push_back(arc);
+    chain.out.push_back(arc / 3.0);
+    chain.in.push_back(arc / 3.0);
+  }
+  return chain;
+}
+
+ChainFit::ChainFit(const Stretch& stretch, Chain chain) : stretch_(stretch), chain_(std::move(chain)) {
+  if (chain_.kind == CurveKind::Quadratic) place_quadratics();
+  variables_ = count_variables();
+  const auto& samples = stretch.samples;
+  feet_.resize(samples.size());
+  for (int i = 0; i < chain_.size(); ++i) {
+    const int from = chain_.breaks[at(i)];
+    const int to = chain_.breaks[at(i + 1)];
+    for (int m = from; m <= to; ++m) {
+      feet_[at(m)].piece = i;
+      feet_[at(m)].u = (samples[at(m)].s - samples[at(from)].s) / chain_.arc[at(i)];
+    }
+  }
+  for (int m = 0; m < chain_.breaks.front(); ++m) feet_[at(m)].u = -1.0;
+  for (int m = chain_.breaks.back() + 1; m < static_cast<int>(feet_.size()); ++m) {
+    feet_[at(m)].piece = chain_.size() - 1;
+    feet_[at(m)].u = 2.0;
+  }
+  worst_ = project(3);
+}
+
+// A quadratic's handle lies on the rails of the joins at its ends: free, on one line, or where two lines meet.
+void ChainFit::place_quadratics() {
+  const int k = chain_.size();
+  top_base_.resize(at(k));
+  top_by_.assign(at(k), {});
+  chain_.top.resize(at(k));
+  for (int i = 0; i < k; ++i) {
+    const Join& a = chain_.joins[at(i)];
+    const Join& b = chain_.joins[at(chain_.next(i))];
+    const bool rail_a = !a.moves && !a.is_corner;
+    const bool rail_b = !b.moves && !b.is_corner;
+    const double sine = cross(a.tangent, b.tangent);
+    const Point chord = b.home - a.home;
+    // Where the end tangents meet, if they do ahead of one and behind the other.
+    const double ahead = cross(chord, b.tangent) / sine;
+    const double behind = cross(a.tangent, chord) / sine;
+    const bool meets = std::abs(sine) > 1e-3 && ahead > 0.0 && behind > 0.0 && ahead < 2.0 * chain_.arc[at(i)] &&
+                       behind < 2.0 * chain_.arc[at(i)];
+    const Point meeting = meets ? Point(a.home + ahead * a.tangent) : Point(0.5 * (a.home + b.home));
+    Point& base = top_base_[at(i)];
+    auto& by = top_by_[at(i)];
+    base = meeting;
+    if (rail_a && rail_b) {
+      if (!meets) base = 0.5 * (a.home + b.home);
+    } else if (rail_a) {
+      if (!meets) base = a.home + 0.5 * chain_.arc[at(i)] * a.tangent;
+      by = {a.tangent};
+    } else if (rail_b) {
+      if (!meets) base = b.home - 0.5 * chain_.arc[at(i)] * b.tangent;
+      by = {b.tangent};
+    } else {
+      by = {Point::UnitX(), Point::UnitY()};
+    }
+    chain_.top[at(i)] = base;
+  }
+  for (std::size_t j = 0; j < chain_.joins.size(); ++j) {
+    Join& join = chain_.joins[j];
+    if (!join.moves) continue;
+    const std::size_t before = j == 0 ? at(k - 1) : j - 1;
+    join.place = 0.5 * (chain_.top[before] + chain_.top[j]);
+  }
+}
+
+int ChainFit::count_variables() {
+  const bool cubic = chain_.kind == CurveKind::Cubic;
+  int count = 0;
+  join_variable_.assign(chain_.joins.size(), 0);
+  piece_variable_.assign(at(chain_.size()), 0);
+  for (std::size_t j = 0; j < chain_.joins.size(); ++j) {
+    const Join& join = chain_.joins[j];
+    join_variable_[j] = count;
+    if (cubic) count += (join.moves ? 2 : 0) + (join.turns ? 1 : 0);
+    if (join.slides) ++count;
+    if (j >= piece_variable_.size()) continue;
+    piece_variable_[j] = count;
+    count += cubic ? 2 : static_cast<int>(top_by_[j].size());
+  }
+  return count;
+}
+
+std::vector<ChainFit::Entry> ChainFit::entries(int piece) const {
+  std::vector<Entry> list;
+  list.reserve(14);
+  const int ends[2] = {piece, chain_.next(piece)};
+  if (chain_.kind == CurveKind::Quadratic) {
+    const auto follow_top = [&](int index, int control, double share) {
+      const auto& by = top_by_[at(index)];
+      for (std::size_t v = 0; v < by.size(); ++v)
+        list.push_back({piece_variable_[at(index)] + static_cast<int>(v), control, share * by[v]});
+    };
+    follow_top(piece, 1, 1.0);
+    for (int e = 0; e < 2; ++e) {
+      const Join& join = chain_.joins[at(ends[e])];
+      if (join.moves) {
+        follow_top(ends[e] == 0 ? chain_.size() - 1 : ends[e] - 1, 2 * e, 0.5);
+        follow_top(ends[e], 2 * e, 0.5);
+      } else if (join.slides) {
+        list.push_back({join_variable_[at(ends[e])], 2 * e, join.rail});
+      }
+    }
+    return list;
+  }
+  for (int e = 0; e < 2; ++e) {
+    const Join& join = chain_.joins[at(ends[e])];
+    const int node = e == 0 ? 0 : 3;
+    const int handle = e == 0 ? 1 : 2;
+    const double reach = e == 0 ? chain_.out[at(piece)] : -chain_.in[at(piece)];
+    int variable = join_variable_[at(ends[e])];
+    if (join.moves) {
+      for (const Point& axis : {Point(1.0, 0.0), Point(0.0, 1.0)}) {
+        list.push_back({variable, node, axis});
+        list.push_back({variable++, handle, axis});
+      }
+    }
+    if (join.slides) {
+      list.push_back({variable, node, join.rail});
+      list.push_back({variable++, handle, join.rail});
+    }
+    if (join.turns) list.push_back({variable++, handle, reach * left_of(join.tangent)});
+    list.push_back({piece_variable_[at(piece)] + e, handle, e == 0 ? join.tangent : Point(-join.tangent)});
+  }
+  return list;
+}
+
+// The point of the chain nearest to every sample, by Newton's method from where it was; over joins into the next piece.
+double ChainFit::project(int newton) {
+  struct Polynomial {
+    double x[4];
+    double y[4];
+  };
+  const int k = chain_.size();
+  std::vector<Polynomial> polynomials(at(k));
+  for (int i = 0; i < k; ++i) {
+    const Bezier b = chain_.piece(i);
+    Polynomial& q = polynomials[at(i)];
+    for (int axis = 0; axis < 2; ++axis) {
+      double* const c = axis == 0 ? q.x : q.y;
+      const auto p = [&](std::size_t j) { return b.p[j][axis]; };
+      c[0] = p(0);
+      if (b.degree == 3) {
+        c[1] = 3.0 * (p(1) - p(0));
+        c[2] = 3.0 * (p(2) - 2.0 * p(1) + p(0));
+        c[3] = p(3) - p(0) - 3.0 * (p(2) - p(1));
+      } else {
+        c[1] = 2.0 * (p(1) - p(0));
+        c[2] = p(2) - 2.0 * p(1) + p(0);
+        c[3] = 0.0;
+      }
+    }
+  }
+  const Join& first = chain_.joins.front();
+  const Join& last = chain_.joins.back();
+  double worst = 0.0;
+  for (std::size_t m = 0; m < feet_.size(); ++m) {
+    Foot& foot = feet_[m];
+    const Point& q = stretch_.samples[m].place;
+    int piece = foot.piece;
+    double u = std::clamp(foot.u, 0.0, 1.0);
+    bool before = false;
+    bool beyond = false;
+    int hops = 0;
+    for (int round = 0; round < newton + hops; ++round) {
+      const Polynomial& c = polynomials[at(piece)];
+      const double ex = ((c.x[3] * u + c.x[2]) * u + c.x[1]) * u + c.x[0] - q.x();
+      const double ey = ((c.y[3] * u + c.y[2]) * u + c.y[1]) * u + c.y[0] - q.y();
+      const double dx = (3.0 * c.x[3] * u + 2.0 * c.x[2]) * u + c.x[1];
+      const double dy = (3.0 * c.y[3] * u + 2.0 * c.y[2]) * u + c.y[1];
+      const double bx = 6.0 * c.x[3] * u + 2.0 * c.x[2];
+      const double by = 6.0 * c.y[3] * u + 2.0 * c.y[2];
+      const double square = dx * dx + dy * dy;
+      const double slope = std::max(square + ex * bx + ey * by, 0.3 * square) + 1e-12;
+      u -= std::clamp((ex * dx + ey * dy) / slope, -0.3, 0.3);
+      before = beyond = false;
+      if (u < 0.0) {
+        if ((chain_.is_closed || piece > 0) && hops < 2) {
+          piece = piece == 0 ? k - 1 : piece - 1;
+          u = 1.0 + std::max(-0.2, u);
+          ++hops;
+        } else {
+          before = piece == 0 && !chain_.is_closed;
+          u = 0.0;
+        }
+      } else if (u > 1.0) {
+        if ((chain_.is_closed || piece + 1 < k) && hops < 2) {
+          piece = piece + 1 == k ? 0 : piece + 1;
+          u = std::min(0.2, u - 1.0);
+          ++hops;
+        } else {
+          beyond = piece + 1 == k && !chain_.is_closed;
+          u = 1.0;
+        }
+      }
+    }
+    foot.piece = piece;
+    foot.u = u;
+    // Beyond an end that slides there is its line: the bounds of the slide keep the distance.
+    foot.is_active = !(before && first.slides) && !(beyond && last.slides);
+    foot.residual = 0.0;
+    if (!foot.is_active) continue;
+    const Polynomial& c = polynomials[at(piece)];
+    const double ex = ((c.x[3] * u + c.x[2]) * u + c.x[1]) * u + c.x[0] - q.x();
+    const double ey = ((c.y[3] * u + c.y[2]) * u + c.y[1]) * u + c.y[0] - q.y();
+    const double dx = (3.0 * c.x[3] * u + 2.0 * c.x[2]) * u + c.x[1];
+    const double dy = (3.0 * c.y[3] * u + 2.0 * c.y[2]) * u + c.y[1];
+    const double scale = 1.0 / std::sqrt(dx * dx + dy * dy + 1e-18);
+    Point normal(-dy * scale, dx * scale);
+    double distance = ex * normal.x() + ey * normal.y();
+    const double square = ex * ex + ey * ey;
+    if (square > 1e-18 && distance * distance < 0.81 * square) {  // the foot is an end: the distance is to a point
+      distance = std::sqrt(square);
+      normal = Point(ex / distance, ey / distance);
+    }
+    foot.normal = normal;
+    foot.residual = distance;
+    worst = std::max(worst, std::abs(distance));
+  }
+  work_ += static_cast<long>(feet_.size());
+  return worst;
+}
+
+void ChainFit::apply(const Eigen::VectorXd& step, double scale) {
+  const bool cubic = chain_.kind == CurveKind::Cubic;
+  for (std::size_t j = 0; j < chain_.joins.size(); ++j) {
+    Join& join = chain_.joins[j];
+    int variable = join_variable_[j];
+    if (join.moves && cubic) {
+      join.place.x() += scale * step[variable++];
+      join.place.y() += scale * step[variable++];
+    }
+    if (join.slides) {
+      join.slid = std::clamp(join.slid + scale * step[variable++], join.slide_low, join.slide_high);
+      join.place = join.home + join.slid * join.rail;
+    }
+    if (join.turns && cubic) {
+      const double to = std::clamp(join.turned + scale * step[variable++], join.turn_low, join.turn_high);
+      const double by = to - join.turned;
+      join.turned = to;
+      join.tangent = std::cos(by) * join.tangent + std::sin(by) * left_of(join.tangent);
+    }
+  }
+  for (int i = 0; i < chain_.size(); ++i) {
+    const int variable = piece_variable_[at(i)];
+    if (cubic) {
+      const double arc = chain_.arc[at(i)];
+      const auto moved = [&](double handle, int v) {
+        return std::clamp(handle + scale * step[v], shortest_handle * arc, longest_handle * arc);
+      };
+      chain_.out[at(i)] = moved(chain_.out[at(i)], variable);
+      chain_.in[at(i)] = moved(chain_.in[at(i)], variable + 1);
+    } else {
+      const auto& by = top_by_[at(i)];
+      for (std::size_t v = 0; v < by.size(); ++v)
+        chain_.top[at(i)] += scale * step[variable + static_cast<int>(v)] * by[v];
+    }
+  }
+  if (cubic) return;
+  for (std::size_t j = 0; j < chain_.joins.size(); ++j) {
+    if (!chain_.joins[j].moves) continue;
+    const std::size_t before = j == 0 ? at(chain_.size() - 1) : j - 1;
+    chain_.joins[j].place = 0.5 * (chain_.top[before] + chain_.top[j]);
+  }
+}
+
+// Gauss-Newton on the orthogonal distances; after two plain rounds weights are multiplied by the distances (Lawson),
+// which leads from least squares to the least maximum. The weighted mean square at a solution bounds that from below.
+bool ChainFit::solve(double distance, int rounds, Until until) {
+  if (worst_ <= distance && until == Until::Within) return true;
+  for (Foot& foot : feet_) foot.weight = 1.0;
+  const int k = chain_.size();
+  const int n = variables_;
+  if (n == 0) return worst_ <= distance;
+  Chain best = chain_;
+  std::vector<Foot> best_feet = feet_;
+  double least = worst_;
+
+  struct Sums {
+    double xx[16];
+    double xy[16];
+    double yy[16];
+    double x[4];
+    double y[4];
+  };
+  std::vector<Sums> sums(at(k));
+  std::vector<int> first(at(n));
+  std::vector<double> diagonal(at(n));
+  std::vector<std::vector<Entry>> follow(at(k));
+  Eigen::VectorXd limit(n);
+  for (int i = 0; i < k; ++i) {  // a variable that two pieces share has the smaller limit
+    for (const Entry& e : entries(i)) limit[e.variable] = std::numeric_limits<double>::infinity();
+  }
+  for (int i = 0; i < k; ++i) {
+    follow[at(i)] = entries(i);
+    for (const Entry& e : follow[at(i)])
+      limit[e.variable] = std::min(limit[e.variable], longest_step * chain_.arc[at(i)]);
+  }
+  if (chain_.kind == CurveKind::Cubic) {
+    for (std::size_t j = 0; j < chain_.joins.size(); ++j) {
+      const Join& join = chain_.joins[j];
+      if (join.turns) limit[join_variable_[j] + (join.moves ? 2 : 0) + (join.slides ? 1 : 0)] = largest_turn;
+    }
+  }
+  for (int v = 0; v < n; ++v) first[at(v)] = v;
+  for (int i = 0; i < k; ++i) {
+    int least_variable = n;
+    for (const Entry& e : follow[at(i)]) least_variable = std::min(least_variable, e.variable);
+    for (const Entry& e : follow[at(i)]) first[at(e.variable)] = std::min(first[at(e.variable)], least_variable);
+  }
+
+  double bound_before = std::numeric_limits<double>::infinity();
+  double least_before = least;
+  int stalled = 0;
+  for (int round = 0; round < rounds; ++round) {
+    std::fill(sums.begin(), sums.end(), Sums{});
+    double weights = 0.0;
+    double squares = 0.0;
+    for (const Foot& foot : feet_) {
+      if (!foot.is_active) continue;
+      const double u = foot.u;
+      const double v = 1.0 - u;
+      double b[4];
+      if (chain_.kind == CurveKind::Cubic) {
+        b[0] = v * v * v;
+        b[1] = 3.0 * v * v * u;
+        b[2] = 3.0 * v * u * u;
+        b[3] = u * u * u;
+      } else {
+        b[0] = v * v;
+        b[1] = 2.0 * v * u;
+        b[2] = u * u;
+        b[3] = 0.0;
+      }
+      Sums& s = sums[at(foot.piece)];
+      const double w = foot.weight;
+      const double nx = foot.normal.x();
+      const double ny = foot.normal.y();
+      const double wx = w * nx;
+      const double wy = w * ny;
+      weights += w;
+      squares += w * foot.residual * foot.residual;
+      for (int i = 0; i < 4; ++i) {
+        const double ix = wx * b[i];
+        const double iy = wy * b[i];
+        const double jx = nx;
+        s.x[i] -= ix * foot.residual;
+        s.y[i] -= iy * foot.residual;
+        for (int j = 0; j < 4; ++j) {
+          s.xx[4 * i + j] += ix * jx * b[j];
+          s.xy[4 * i + j] += ix * ny * b[j];
+          s.yy[4 * i + j] += iy * ny * b[j];
+        }
+      }
+    }
+    const double bound = std::sqrt(squares / std::max(weights, 1e-30));
+    if (until == Until::Within) {
+      if (round >= 6 && bound > distance && bound > 0.97 * bound_before) {
+        if (++stalled > 1) break;
+      } else {
+        stalled = 0;
+      }
+      if (round >= 4 && bound > 12.0 * distance && bound > 0.7 * bound_before) break;
+    } else {
+      if (round % 6 == 5) {
+        if (least > 0.95 * least_before) break;
+        least_before = least;
+      }
+      if (bound > 0.93 * least) break;
+    }
+    bound_before = bound;
+
+    ProfileSystem system(first);
+    Eigen::VectorXd right = Eigen::VectorXd::Zero(n);
+    for (int i = 0; i < k; ++i) {
+      if (round > 0) follow[at(i)] = entries(i);
+      const Sums& s = sums[at(i)];
+      for (const Entry& e : follow[at(i)]) {
+        right[e.variable] += e.by.x() * s.x[e.control] + e.by.y() * s.y[e.control];
+        for (const Entry& f : follow[at(i)]) {
+          if (f.variable > e.variable) continue;
+          const int c = 4 * e.control + f.control;
+          system.entry(e.variable, f.variable) += e.by.x() * (f.by.x() * s.xx[c] + f.by.y() * s.xy[c]) +
+                                                  e.by.y() * (f.by.x() * s.xy[c] + f.by.y() * s.yy[c]);
+        }
+      }
+    }
+    double largest = 0.0;
+    for (int v = 0; v < n; ++v) largest = std::max(largest, system.entry(v, v));
+    constexpr double damping = 1e-6;
+    for (int v = 0; v < n; ++v) {
+      double& pivot = system.entry(v, v);
+      pivot += damping * largest + 10.0 * damping * pivot + 1e-12;
+    }
+    if (!system.factor()) break;
+    const Eigen::VectorXd step = system.solve(right);
+    double scale = 1.0;
+    for (int v = 0; v < n; ++v) {
+      const double size = std::abs(step[v]);
+      if (size > limit[v]) scale = std::min(scale, limit[v] / size);
+    }
+    apply(step, scale);
+    worst_ = project(round < 3 ? 2 : 1);
+    if (worst_ < least) {
+      least = worst_;
+      best = chain_;
+      best_feet = feet_;
+      if (least <= distance && until == Until::Within) return true;
+    }
+    if (round >= 2) {
+      double heaviest = 0.0;
+      for (Foot& foot : feet_) {
+        foot.weight *= 0.02 + std::abs(foot.residual) / worst_;
+        heaviest = std::max(heaviest, foot.weight);
+      }
+      for (Foot& foot : feet_) foot.weight = std::max(foot.weight / heaviest, 1e-5);
+    }
+  }
+  chain_ = std::move(best);
+  feet_ = std::move(best_feet);
+  worst_ = least;
+  return least <= distance;
+}
+
+namespace {
+
+constexpr double smooth_angle = 1.45 * std::numbers::pi / 180.0;  // 1.5 degrees are promised
+
+// Whole numbers near a value, nearest first: the two beside it, and `reach` more on each side. Numbers are whole if
+// `fraction` added makes them so. In every order and choice an odd function of the value, so that mirroring mirrors.
+std::vector<double> whole_near(double value, double fraction, int reach) {
+  const double below = std::floor(value + fraction) - fraction;
+  std::vector<double> near;
+  const bool is_whole = value - below < 1e-9 || below + 1.0 - value < 1e-9;
+  const double base = value - below < 0.5 ? below : below + 1.0;
+  if (is_whole) {
+    for (int d = -reach; d <= reach; ++d) near.push_back(base + d);
+  } else {
+    for (int d = -reach; d <= reach + 1; ++d) near.push_back(below + d);
+  }
+  std::sort(near.begin(), near.end(), [&](double a, double b) {
+    const double da = std::abs(a - value);
+    const double db = std::abs(b - value);
+    return da != db ? da < db : std::abs(a) < std::abs(b);
+  });
+  return near;
+}
+
+std::vector<Point> lattice_near(const Point& value, const Point& fraction, int reach) {
+  const auto x = whole_near(value.x(), fraction.x(), reach);
+  const auto y = whole_near(value.y(), fraction.y(), reach);
+  std::vector<Point> points;
+  points.reserve(x.size() * y.size());
+  for (const double a : x) {
+    for (const double b : y) points.emplace_back(a, b);
+  }
+  return points;
+}
+
+struct State {
+  Point node;
+  Point in;   // handle before it
+  Point out;  // and after it
+  double rank;
+};
+
+}  // namespace
+
+std::optional<std::vector<Bezier>> ChainFit::rounded(const Point& fraction, int reach, std::size_t most_states) const {
+  const bool cubic = chain_.kind == CurveKind::Cubic;
+  const int k = chain_.size();
+  const int count = static_cast<int>(chain_.joins.size());
+  std::vector<Bezier> pieces;
+  for (int i = 0; i < k; ++i) pieces.push_back(chain_.piece(i));
+  const auto in_of = [&](int piece) { return pieces[at(piece)].p[cubic ? 2 : 1]; };
+  const auto out_of = [&](int piece) { return pieces[at(piece)].p[1]; };
+
+  // The whole-number places of every join and of the handles beside it.
+  std::vector<std::vector<State>> states(at(count));
+  for (int j = 0; j < count; ++j) {
+    const Join& join = chain_.joins[at(j)];
+    const bool has_in = chain_.is_closed || j > 0;
+    const bool has_out = chain_.is_closed || j + 1 < count;
+    const int before = j == 0 ? k - 1 : j - 1;
+    const Point in = has_in ? in_of(before) : join.place;
+    const Point out = has_out ? out_of(j) : join.place;
+    const Point normal = left_of(join.tangent);
+    const bool tangent_is_fixed = !join.turns && !(join.moves && !cubic);
+    const int axis = join.tangent.y() == 0.0 ? 0 : 1;  // along which the handles lie, if they lie along one
+    const bool is_axial = tangent_is_fixed && join.tangent[1 - axis] == 0.0 && !(join.moves && !cubic);
+
+    std::vector<Point> nodes;
+    const bool implied = join.moves && !cubic;
+    if (implied) {
+      nodes = {join.place};  // it follows its handles
+    } else if (join.moves) {
+      nodes = lattice_near(join.place, fraction, 0);
+    } else if (join.slides && (join.rail.x() == 0.0 || join.rail.y() == 0.0)) {
+      const int along = join.rail.y() == 0.0 ? 0 : 1;
+      for (const double v : whole_near(join.place[along], fraction[along], 0)) {
+        Point node = join.home;
+        node[along] = v;
+        nodes.push_back(node);
+      }
+      for (Point& node : nodes) node[1 - along] = whole_near(node[1 - along], fraction[1 - along], 0).front();
+    } else if (join.slides) {
+      nodes = lattice_near(join.place, fraction, 0);
+    } else {
+      nodes = {lattice_near(join.place, fraction, 0).front()};
+    }
+    const auto handles = [&](const Point& handle, const Point& node) {
+      if (!is_axial) return lattice_near(handle, fraction, reach);
+      std::vector<Point> list;
+      for (const double v : whole_near(handle[axis], fraction[axis], reach)) {
+        Point p = node;
+        p[axis] = v;
+        list.push_back(p);
+      }
+      return list;
+    };
+    auto& list = states[at(j)];
+    for (const Point& wished : nodes) {
+      const std::vector<Point> ins = has_in ? handles(in, wished) : std::vector<Point>{wished};
+      const std::vector<Point> outs = has_out ? handles(out, wished) : std::vector<Point>{wished};
+      for (const Point& a : ins) {
+        for (const Point& b : outs) {
+          const Point node = implied ? Point(0.5 * (a + b)) : wished;
+          const Point arriving = node - a;
+          const Point leaving = b - node;
+          if (has_in && !(arriving.dot(join.tangent) > 0.0)) continue;
+          if (has_out && !(leaving.dot(join.tangent) > 0.0)) continue;
+          if (has_in && has_out && !implied && std::abs(angle(arriving, leaving)) > smooth_angle) continue;
+          if (has_in != has_out) {
+            const Point own = has_in ? arriving : leaving;
+            if (join.is_corner) {
+              const double turn = join.turned + angle(join.tangent, own);
+              if (turn < join.turn_low - join.turn_slack || turn > join.turn_high + join.turn_slack) continue;
+            } else {
+              Point line = join.rail;
+              if (join.line_end) line = has_in ? Point(*join.line_end - node) : Point(node - *join.line_end);
+              if (std::abs(angle(line, own)) > smooth_angle) continue;
+            }
+          }
+          const Point dn = node - join.place;
+          const Point da = has_in ? Point(a - in) : Point::Zero();
+          const Point db = has_out ? Point(b - out) : Point::Zero();
+          const auto square = [](double x) { return x * x; };
+          const double rank = square(dn.dot(normal)) + 0.4 * square(da.dot(normal)) + 0.4 * square(db.dot(normal)) +
+                              0.05 * (dn.squaredNorm() + da.squaredNorm() + db.squaredNorm());
+          list.push_back({node, a, b, rank});
+        }
+      }
+    }
+    if (list.empty()) return std::nullopt;
+    std::stable_sort(list.begin(), list.end(), [](const State& a, const State& b) { return a.rank < b.rank; });
+    if (list.size() > most_states) list.resize(most_states);
+  }
+
+  // The linearised distance of every sample, as a sum of what the states at both ends of its piece do.
+  std::vector<std::vector<const Foot*>> below(at(k));
+  for (const Foot& foot : feet_) {
+    if (foot.is_active) below[at(foot.piece)].push_back(&foot);
+  }
+  const auto shares = [&](int piece, const State& state, bool is_start) {
+    std::vector<double> moved;
+    moved.reserve(below[at(piece)].size());
+    const Bezier& b = pieces[at(piece)];
+    const Point node = state.node - (is_start ? b.start() : b.end());
+    // Of a quadratic both ends give the one handle: it counts at the start.
+    const Point handle = is_start ? Point(state.out - b.p[1]) : cubic ? Point(state.in - b.p[2]) : Point::Zero();
+    for (const Foot* foot : below[at(piece)]) {
+      const auto weight = bernstein(b.degree, foot->u);
+      const double at_node = is_start ? weight[0] : weight[at(b.degree)];
+      const double at_handle = is_start ? weight[1] : weight[2];
+      moved.push_back((at_node * node + (cubic || is_start ? at_handle : 0.0) * handle).dot(foot->normal) +
+                      (is_start ? foot->residual : 0.0));
+    }
+    return moved;
+  };
+
+  constexpr double never = std::numeric_limits<double>::infinity();
+  struct Path {
+    double worst = never;
+    std::vector<int> choice;
+  };
+  std::vector<std::vector<std::vector<double>>> cost(at(k));
+  for (int i = 0; i < k; ++i) {
+    const auto& from = states[at(i)];
+    const auto& to = states[at(chain_.next(i))];
+    std::vector<std::vector<double>> starts;
+    std::vector<std::vector<double>> ends;
+    for (const State& s : from) starts.push_back(shares(i, s, true));
+    for (const State& s : to) ends.push_back(shares(i, s, false));
+    auto& table = cost[at(i)];
+    table.assign(from.size(), std::vector<double>(to.size(), never));
+    for (std::size_t a = 0; a < from.size(); ++a) {
+      for (std::size_t b = 0; b < to.size(); ++b) {
+        if (!cubic && from[a].out != to[b].in) continue;
+        double worst = 0.0;
+        for (std::size_t m = 0; m < starts[a].size(); ++m) worst = std::max(worst, std::abs(starts[a][m] + ends[b][m]));
+        table[a][b] = worst;
+      }
+    }
+  }
+  const auto run = [&](std::size_t start, bool is_fixed) {
+    std::vector<double> worst(states[0].size(), is_fixed ? never : 0.0);
+    if (is_fixed) worst[start] = 0.0;
+    std::vector<std::vector<int>> came(at(k));
+    for (int i = 0; i < k; ++i) {
+      const auto& table = cost[at(i)];
+      std::vector<double> next(states[at(chain_.next(i))].size(), never);
+      came[at(i)].assign(next.size(), -1);
+      for (std::size_t a = 0; a < worst.size(); ++a) {
+        if (worst[a] == never) continue;
+        for (std::size_t b = 0; b < next.size(); ++b) {
+          const double here = std::max(worst[a], table[a][b]);
+          if (here < next[b]) {
+            next[b] = here;
+            came[at(i)][b] = static_cast<int>(a);
+          }
+        }
+      }
+      worst = std::move(next);
+    }
+    std::size_t last = static_cast<std::size_t>(std::min_element(worst.begin(), worst.end()) - worst.begin());
+    if (is_fixed && chain_.is_closed) last = start;
+    Path path{worst[last], {}};
+    if (path.worst == never) return path;
+    int state = static_cast<int>(last);
+    path.choice.assign(at(k + 1), 0);
+    for (int i = k; i > 0; --i) {
+      path.choice[at(i)] = state;
+      state = came[at(i - 1)][at(state)];
+    }
+    path.choice[0] = state;
+    return path;
+  };
+  Path best;
+  if (chain_.is_closed) {
+    const std::size_t starts = std::min<std::size_t>(states[0].size(), 8);
+    for (std::size_t s = 0; s < starts; ++s) {
+      Path path = run(s, true);
+      if (path.worst < best.worst) best = std::move(path);
+    }
+  } else {
+    best = run(0, false);
+  }
+  if (best.worst == never) return std::nullopt;
+  std::vector<Bezier> result;
+  for (int i = 0; i < k; ++i) {
+    const State& a = states[at(i)][at(best.choice[at(i)])];
+    const State& b = states[at(chain_.next(i))][at(best.choice[at(i + 1)])];
+    if (cubic) {
+      result.push_back({{a.node, a.out, b.in, b.node}, 3});
+    } else {
+      result.push_back({{a.node, a.out, b.node, Point::Zero()}, 2});
+    }
+  }
+  return result;
+}
+
+}  // namespace fontcore::compact
