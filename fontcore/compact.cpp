@@ -78,17 +78,22 @@ void add_polyline(const Bezier& b, double sagitta, int fewest, std::vector<Point
   for (int i = 0; i < pieces; ++i) to.push_back(evaluate(b, static_cast<double>(i) / pieces));
 }
 
-// Whether every vertex of one open polyline is within a distance of the other, both run from end to end together. It
-// looks near where the vertex before was nearest: a distance is never taken for smaller than it is.
-bool stays_within(const std::vector<Point>& a, const std::vector<Point>& b, double limit) {
+// Whether every vertex of one polyline is within a distance of the other, both run from end to end together. It looks
+// near where the vertex before was nearest: a distance is never taken for smaller than it is. Closed ones repeat their
+// first point at the end, and go on there.
+bool stays_within(const std::vector<Point>& a, const std::vector<Point>& b, double limit, bool is_closed) {
   const int n = static_cast<int>(b.size()) - 1;
   constexpr int ahead = 8;
   constexpr int behind = 5;
   int near = 0;
+  for (std::size_t i = 1; is_closed && i < b.size(); ++i) {
+    if ((b[i] - a[0]).squaredNorm() < (b[at(near)] - a[0]).squaredNorm()) near = static_cast<int>(i) - 1;
+  }
   for (const Point& p : a) {
     double least = never;
     int nearest = near;
-    const auto look = [&](int i) {
+    const auto look = [&](int segment) {
+      const int i = is_closed ? (segment + n) % n : segment;
       const Point d = b[at(i + 1)] - b[at(i)];
       const Point e = p - b[at(i)];
       const double square = d.squaredNorm();
@@ -99,12 +104,14 @@ bool stays_within(const std::vector<Point>& a, const std::vector<Point>& b, doub
       nearest = i;
       return true;
     };
+    const int low = is_closed ? near - n / 2 : 0;
+    const int high = is_closed ? near + n / 2 : n;
     int idle = 0;
-    for (int i = std::max(0, near - 1); i < n && idle < ahead; ++i) idle = look(i) ? 0 : idle + 1;
+    for (int i = std::max(low, near - 1); i < high && idle < ahead; ++i) idle = look(i) ? 0 : idle + 1;
     idle = 0;
-    for (int i = std::min(n - 1, near - 2); i >= 0 && idle < behind; --i) idle = look(i) ? 0 : idle + 1;
+    for (int i = std::min(high - 1, near - 2); i >= low && idle < behind; --i) idle = look(i) ? 0 : idle + 1;
     if (least > limit * limit) {  // where the polyline is much finer than the steps along it, farther ahead
-      for (int i = near + 1; i < n && i < near + 64; ++i) look(i);
+      for (int i = near + 1; i < high && i < near + 64; ++i) look(i);
       if (least > limit * limit) return false;
     }
     near = nearest;
@@ -129,11 +136,14 @@ struct Task {
   };
   std::vector<Must> musts;      // joins there have to be, in order
   std::vector<int> candidates;  // samples that may be joins, its ends among them
+  bool rotates = false;         // closed, and any candidate may be the first join
   int most_pieces = 0;
+  std::optional<Point> first;  // where the contour's first node was, if it is within
 };
 
 struct Result {
   std::vector<Bezier> pieces;
+  int first = -1;  // the piece that begins with the contour's first node, if one does
   double start_turn = 0.0;
   double end_turn = 0.0;
 };
@@ -153,7 +163,14 @@ class Search {
   bool is_exhausted() const { return work_ > settings_.options.most_work; }
   std::vector<Join> joins_at(const std::vector<int>& breaks) const;
   const Task::Must* must_at(int sample) const;
-  double span_error(int i, int j);
+  struct Span {
+    double error;
+    double out;
+    double in;
+  };
+  Span span(int i, int j);
+  double span_error(int i, int j) { return span(i, j).error; }
+  Chain laid(const std::vector<int>& breaks);
   std::vector<std::vector<Path>> paths(int most);
   std::optional<Result> accepted(ChainFit fit);
   std::optional<Result> tried(Chain chain, double* error = nullptr);
@@ -174,8 +191,9 @@ const Task::Must* Search::must_at(int sample) const {
 }
 
 std::vector<Join> Search::joins_at(const std::vector<int>& breaks) const {
-  std::vector<Join> joins{task_.start};
-  for (std::size_t i = 1; i + 1 < breaks.size(); ++i) {
+  std::vector<Join> joins;
+  if (!task_.rotates) joins.push_back(task_.start);
+  for (std::size_t i = task_.rotates ? 0 : 1; i + 1 < breaks.size(); ++i) {
     if (const Task::Must* must = must_at(breaks[i])) {
       joins.push_back(must->join);
       continue;
@@ -192,7 +210,7 @@ std::vector<Join> Search::joins_at(const std::vector<int>& breaks) const {
 }
 
 // How well one cubic with the source's tangents at its ends does between two samples: what orders candidates.
-double Search::span_error(int i, int j) {
+Search::Span Search::span(int i, int j) {
   const auto& samples = task_.stretch.samples;
   const Sample& a = samples[at(i)];
   const Sample& b = samples[at(j)];
@@ -255,7 +273,19 @@ double Search::span_error(int i, int j) {
     out = std::clamp(out + std::clamp((g0 * h11 - g1 * h01) / determinant, -largest, largest), 0.03 * arc, 1.2 * arc);
     in = std::clamp(in + std::clamp((h00 * g1 - h01 * g0) / determinant, -largest, largest), 0.03 * arc, 1.2 * arc);
   }
-  return worst;
+  return {worst, out, in};
+}
+
+// A chain to start from: every piece as good as it can be alone.
+Chain Search::laid(const std::vector<int>& breaks) {
+  Chain chain = lay_chain(task_.stretch, settings_.options.curve, joins_at(breaks), breaks);
+  if (chain.kind == CurveKind::Quadratic) return chain;
+  for (int i = 0; i < chain.size(); ++i) {
+    const Span best = span(breaks[at(i)], breaks[at(i + 1)]);
+    chain.out[at(i)] = best.out;
+    chain.in[at(i)] = best.in;
+  }
+  return chain;
 }
 
 // For every number of pieces the paths over the candidates with the least largest span error and with the least sum of
@@ -268,52 +298,64 @@ std::vector<std::vector<Search::Path>> Search::paths(int most) {
   for (std::size_t i = 1; i < samples.size(); ++i)
     turn[i] = turn[i - 1] + std::abs(angle(samples[i - 1].tangent, samples[i].tangent));
   const double hopeless = 30.0 * settings_.options.tolerance;
-  std::vector<std::vector<double>> error(at(count));
+  // Of a closed stretch the candidates come round again; its last is its first.
+  const int round = task_.rotates ? count - 1 : count;
+  const auto candidate = [&](int i) {
+    return i < round ? candidates[at(i)] : candidates[at(i - round)] + (task_.stretch.last - task_.stretch.first);
+  };
+  std::vector<std::vector<double>> error(at(round));
   std::vector<char> is_must(samples.size(), 0);
   for (const Task::Must& must : task_.musts) is_must[at(must.sample)] = 1;
-  for (int i = 0; i < count; ++i) {
+  for (int i = 0; i < round; ++i) {
     int bad = 0;
-    for (int j = i + 1; j < count; ++j) {
-      const double turned = turn[at(candidates[at(j)])] - turn[at(candidates[at(i)])];
+    for (int j = i + 1; j < (task_.rotates ? i + round : count); ++j) {
+      const double turned = turn[at(candidate(j))] - turn[at(candidate(i))];
       if (turned > 4.0 && j > i + 1) break;
       const bool is_straight = j == i + 1 && turned < 0.02;
-      const double here = is_straight ? 0.0 : span_error(candidates[at(i)], candidates[at(j)]);
+      const double here = is_straight ? 0.0 : span_error(candidate(i), candidate(j));
       error[at(i)].push_back(here);
       bad = here > hopeless ? bad + 1 : 0;
-      if (bad > 1 || is_must[at(candidates[at(j)])]) break;
+      if (bad > 1 || is_must[at(candidate(j))]) break;
     }
   }
   std::vector<std::vector<Path>> result(at(most + 1));
-  for (const bool of_squares : {false, true}) {
-    std::vector<std::vector<double>> least(at(most + 1), std::vector<double>(at(count), never));
-    std::vector<std::vector<int>> from(at(most + 1), std::vector<int>(at(count), -1));
-    least[0][0] = 0.0;
-    for (int k = 1; k <= most; ++k) {
-      for (int i = 0; i < count; ++i) {
-        if (least[at(k - 1)][at(i)] == never) continue;
-        for (std::size_t l = 0; l < error[at(i)].size(); ++l) {
-          const std::size_t j = at(i) + l + 1;
-          const double e = error[at(i)][l];
-          const double value = of_squares ? least[at(k - 1)][at(i)] + e * e : std::max(least[at(k - 1)][at(i)], e);
-          if (value < least[at(k)][j]) {
-            least[at(k)][j] = value;
-            from[at(k)][j] = i;
+  const int width = task_.rotates ? round + 1 : count;
+  const int rotations = task_.rotates ? std::min(round, 2 + static_cast<int>(error[0].size())) : 1;
+  std::vector<std::vector<double>> least(at(most + 1), std::vector<double>(at(width)));
+  std::vector<std::vector<int>> from(at(most + 1), std::vector<int>(at(width)));
+  for (int rotation = 0; rotation < rotations; ++rotation) {
+    for (const bool of_squares : {false, true}) {
+      for (auto& row : least) std::fill(row.begin(), row.end(), never);
+      least[0][0] = 0.0;
+      for (int k = 1; k <= most; ++k) {
+        for (int i = 0; i < width; ++i) {
+          const double sofar = least[at(k - 1)][at(i)];
+          if (sofar == never) continue;
+          const auto& spans = error[at((rotation + i) % round)];
+          for (std::size_t l = 0; l < spans.size() && at(i) + l + 1 < at(width); ++l) {
+            const std::size_t j = at(i) + l + 1;
+            const double e = spans[l];
+            const double value = of_squares ? sofar + e * e : std::max(sofar, e);
+            if (value < least[at(k)][j]) {
+              least[at(k)][j] = value;
+              from[at(k)][j] = i;
+            }
           }
         }
+        const double value = least[at(k)][at(width - 1)];
+        if (value == never) continue;
+        Path path{of_squares ? std::sqrt(value) : value, {}};
+        int i = width - 1;
+        for (int left = k; left >= 0; --left) {
+          path.breaks.push_back(candidate(rotation + i));
+          if (left > 0) i = from[at(left)][at(i)];
+        }
+        std::reverse(path.breaks.begin(), path.breaks.end());
+        result[at(k)].push_back(std::move(path));
       }
-      double value = least[at(k)][at(count - 1)];
-      if (value == never) continue;
-      Path path{of_squares ? std::sqrt(value) : value, {}};
-      int i = count - 1;
-      for (int left = k; left >= 0; --left) {
-        path.breaks.push_back(candidates[at(i)]);
-        if (left > 0) i = from[at(left)][at(i)];
-      }
-      std::reverse(path.breaks.begin(), path.breaks.end());
-      result[at(k)].push_back(std::move(path));
     }
   }
-  if (most >= 2 && task_.musts.empty()) {
+  if (most >= 2 && task_.musts.empty() && !task_.rotates) {
     for (int c = 1; c + 1 < count; ++c) {
       const std::size_t rest = at(count - 2 - c);
       if (at(c - 1) >= error[0].size() || rest >= error[at(c)].size()) continue;
@@ -364,14 +406,16 @@ bool Search::verified(const std::vector<Bezier>& pieces) const {
     }
   }
   line.push_back(pieces.back().end());
-  const bool has_after = stretch.last + 1 < static_cast<int>(stretch.samples.size());
+  const bool has_after = !stretch.is_closed && stretch.last + 1 < static_cast<int>(stretch.samples.size());
   if (has_after) line.push_back(stretch.samples.back().place);
   double source_turn = 0.0;
-  for (std::size_t i = 1; i < stretch.samples.size(); ++i)
+  const std::size_t round = stretch.is_closed ? at(stretch.last + 1) : stretch.samples.size();
+  for (std::size_t i = 1; i < round; ++i)
     source_turn += std::abs(angle(stretch.samples[i - 1].tangent, stretch.samples[i].tangent));
   if (turn > source_turn + 1.0) return false;  // a loop or a cusp
   const double limit = tolerance * (1.0 - polyline_sagitta);
-  return stays_within(line, stretch.polyline, limit) && stays_within(stretch.polyline, line, limit);
+  return stays_within(line, stretch.polyline, limit, stretch.is_closed) &&
+         stays_within(stretch.polyline, line, limit, stretch.is_closed);
 }
 
 // The chain as it will be written, if that stays within the tolerance.
@@ -383,7 +427,20 @@ std::optional<Result> Search::accepted(ChainFit fit) {
   const auto result_of = [&](std::vector<Bezier> pieces) {
     const Chain& chain = fit.chain();
     last_ = chain;
-    return Result{pieces, turn_of(chain.joins.front(), start_tangent(pieces.front())),
+    int first = -1;
+    for (int i = 0; i < chain.size(); ++i) {
+      if (chain.joins[at(i)].is_first) first = i;
+    }
+    if (first < 0 && task_.first) {  // the node nearest to it, of the stretch and the one that ends it
+      double least = never;
+      for (int i = 0; i <= chain.size(); ++i) {
+        const Point node = i < chain.size() ? pieces[at(i)].start() : pieces.back().end();
+        if ((node - *task_.first).squaredNorm() >= least) continue;
+        least = (node - *task_.first).squaredNorm();
+        first = i;
+      }
+    }
+    return Result{pieces, first, turn_of(chain.joins.front(), start_tangent(pieces.front())),
                   chain.is_closed ? 0.0 : turn_of(chain.joins.back(), end_tangent(pieces.back()))};
   };
   if (settings_.options.coordinates == Coordinates::Any) {
@@ -446,7 +503,8 @@ Result Search::shortened(Chain chain, Result result) {
     std::vector<Removal> removals;
     for (int j = 1; j < k; ++j) {
       const Join& join = chain.joins[at(j)];
-      if (join.moves) removals.push_back({span_error(chain.breaks[at(j - 1)], chain.breaks[at(j + 1)]), j});
+      if (join.moves && !join.is_first)
+        removals.push_back({span_error(chain.breaks[at(j - 1)], chain.breaks[at(j + 1)]), j});
     }
     std::stable_sort(removals.begin(), removals.end(),
                      [](const Removal& a, const Removal& b) { return a.error < b.error; });
@@ -460,9 +518,10 @@ Result Search::shortened(Chain chain, Result result) {
       fewer.in.erase(fewer.in.begin() + (j - 1));
       fewer.arc.erase(fewer.arc.begin() + j);
       if (!fewer.top.empty()) fewer.top.erase(fewer.top.begin() + j);
-      const double arc = samples[at(fewer.breaks[at(j)])].s - samples[at(fewer.breaks[at(j - 1)])].s;
-      fewer.arc[at(j - 1)] = arc;
-      fewer.out[at(j - 1)] = fewer.in[at(j - 1)] = arc / 3.0;
+      fewer.arc[at(j - 1)] = samples[at(fewer.breaks[at(j)])].s - samples[at(fewer.breaks[at(j - 1)])].s;
+      const Span alone = span(fewer.breaks[at(j - 1)], fewer.breaks[at(j)]);
+      fewer.out[at(j - 1)] = alone.out;
+      fewer.in[at(j - 1)] = alone.in;
       if (auto better = tried(std::move(fewer))) {
         result = std::move(*better);
         chain = *last_;
@@ -475,12 +534,11 @@ Result Search::shortened(Chain chain, Result result) {
 
 std::optional<Result> Search::run() {
   const Stretch& stretch = task_.stretch;
-  const CurveKind kind = settings_.options.curve;
   const int most = std::min(task_.most_pieces, static_cast<int>(task_.candidates.size()) - 1);
   if (most < 1) return std::nullopt;
   if (task_.musts.empty() && !stretch.is_closed) {
     std::vector<int> ends{stretch.first, stretch.last};
-    if (auto result = tried(lay_chain(stretch, kind, joins_at(ends), ends))) return result;
+    if (auto result = tried(laid(ends))) return result;
   }
   if (most < 2) return std::nullopt;
   const auto by_count = paths(most);
@@ -498,16 +556,25 @@ std::optional<Result> Search::run() {
       if (tries > 0 && first_error > 3.0 * settings_.options.tolerance) break;
       const bool is_known = std::any_of(seen.begin(), seen.end(), [&](const Path* other) {
         double farthest = 0.0;
-        for (std::size_t j = 1; j + 1 < path.breaks.size(); ++j) {
-          farthest = std::max(
-              farthest, std::abs(stretch.samples[at(path.breaks[j])].s - stretch.samples[at(other->breaks[j])].s));
+        const auto place = [&](int sample) { return stretch.samples[at(sample)].s; };
+        for (std::size_t j = 0; j + 1 < path.breaks.size(); ++j) {
+          if (!task_.rotates) {
+            farthest = std::max(farthest, std::abs(place(path.breaks[j]) - place(other->breaks[j])));
+            continue;
+          }
+          double nearest = never;
+          for (std::size_t l = 0; l + 1 < path.breaks.size(); ++l) {
+            const double apart = std::fmod(std::abs(place(path.breaks[j]) - place(other->breaks[l])), length);
+            nearest = std::min({nearest, apart, length - apart});
+          }
+          farthest = std::max(farthest, nearest);
         }
         return farthest < distinct * length / k;
       });
       if (is_known) continue;
       seen.push_back(&path);
       double error = 0.0;
-      auto result = tried(lay_chain(stretch, kind, joins_at(path.breaks), path.breaks), &error);
+      auto result = tried(laid(path.breaks), &error);
       if (result) return k >= 3 ? shortened(*last_, std::move(*result)) : result;
       if (tries++ == 0) first_error = error;
     }
@@ -565,6 +632,7 @@ class ContourFit {
   std::vector<Element> elements_;
   std::vector<double> corner_turn_;          // by element: what the stretch before has turned the corner at its start
   std::vector<std::vector<Bezier>> fitted_;  // by element that a stretch or a line begins with
+  std::vector<int> first_piece_;             // of them, the one that begins with the first node
   long work_ = 0;
 };
 
@@ -726,6 +794,13 @@ Task ContourFit::task_of(int from, int to) const {
     const double size = d.norm();
     return size > 0.0 ? size : (b.end() - b.start()).norm();
   };
+  // The first node stays where it is; where nodes are free, that of a smooth contour may be any.
+  const bool holds_first = options.extrema == Extrema::Keep;
+  const auto make_first = [&](Join& join) {
+    join.is_first = true;
+    join.home = join.place = whole(join.place);
+    join.slides = false;
+  };
   const auto end_join = [&](bool is_start) {
     const Element& own = is_start ? element(from) : element(to - 1);
     const Element& node = is_start ? element(from) : element(to);  // that starts at this end
@@ -734,9 +809,10 @@ Task ContourFit::task_of(int from, int to) const {
     Join join;
     join.place = join.home = is_start ? own.curve.start() : own.curve.end();
     join.tangent = is_start ? start_tangent(own.curve) : end_tangent(own.curve);
+    join.is_first = node.is_first;
     if (stretch.is_closed) {
+      make_first(join);
       join.turns = true;
-      join.home = join.place = whole(join.place);
       return join;
     }
     join.is_corner = node.is_corner;
@@ -756,16 +832,14 @@ Task ContourFit::task_of(int from, int to) const {
     join.tangent = is_start ? end_tangent(beside.curve) : start_tangent(beside.curve);
     join.rail = join.tangent;
     const auto& line = fitted_[at((is_start ? from - 1 + count() : to) % count())];
+    join.has_line = true;
     join.line_end = is_start ? line.front().start() : line.back().end();
-    if (node.is_first) {
-      join.home = join.place = whole(join.place);
-      return join;
-    }
     join.slides = true;
     const bool other_smooth = is_start ? !element(from - 1).is_corner : !element(to + 1).is_corner;
     const double room = room_of(beside, other_smooth);
     join.slide_low = is_start ? -room : -em;
     join.slide_high = is_start ? em : room;
+    if (node.is_first && holds_first) make_first(join);
     return join;
   };
   task.start = end_join(true);
@@ -834,6 +908,7 @@ Task ContourFit::task_of(int from, int to) const {
   for (std::size_t i = 1; i < samples.size(); ++i)
     samples[i].s = samples[i - 1].s + (samples[i].place - samples[i - 1].place).norm();
 
+  task.rotates = stretch.is_closed && !holds_first;
   // Extrema, where the sense of the tangent along an axis changes, and the first node.
   std::vector<Task::Must>& musts = task.musts;
   const int n = static_cast<int>(samples.size());
@@ -897,8 +972,8 @@ Task ContourFit::task_of(int from, int to) const {
             if (!at_end) {
               musts.push_back({best, join});
             } else if (stretch.is_closed) {
-              task.start.tangent = join.tangent;
-              task.start.turns = false;
+              make_first(join);
+              task.start = join;
             }
           }
         }
@@ -907,8 +982,11 @@ Task ContourFit::task_of(int from, int to) const {
       }
     }
   }
+  for (int i = stretch.is_closed ? from : from + 1; i < to; ++i) {
+    if (element(i).is_first) task.first = element(i).curve.start();
+  }
   for (int i = from + 1; i < to; ++i) {
-    if (!element(i).is_first) continue;
+    if (!element(i).is_first || !holds_first) continue;
     int sample = stretch.first;
     for (int m = stretch.first; m < stretch.last; ++m) {
       if (samples[at(m)].place == element(i).curve.start()) sample = m;
@@ -916,12 +994,12 @@ Task ContourFit::task_of(int from, int to) const {
     const auto known =
         std::find_if(musts.begin(), musts.end(), [&](const Task::Must& must) { return must.sample == sample; });
     if (known != musts.end()) {
-      known->join.slides = false;
-      known->join.home = known->join.place = whole(known->join.place);
+      make_first(known->join);
     } else {
       Join join;
-      join.place = join.home = whole(samples[at(sample)].place);
+      join.place = join.home = samples[at(sample)].place;
       join.tangent = samples[at(sample)].tangent;
+      make_first(join);
       join.turns = true;
       musts.push_back({sample, join});
     }
@@ -936,10 +1014,16 @@ Task ContourFit::task_of(int from, int to) const {
   std::sort(task.candidates.begin(), task.candidates.end());
   task.candidates.erase(std::unique(task.candidates.begin(), task.candidates.end()), task.candidates.end());
 
+  for (int m = 1; stretch.is_closed && m <= stretch.last; ++m) {
+    Sample again = samples[at(m)];
+    again.s += samples[at(stretch.last)].s;
+    samples.push_back(again);
+  }
+
   if (stretch.first > 0) stretch.polyline.push_back(samples.front().place);
   for (const Bezier& b : stretch.source) add_polyline(b, polyline_sagitta * options.tolerance, 6, stretch.polyline);
   stretch.polyline.push_back(final.end());
-  if (stretch.last + 1 < n) stretch.polyline.push_back(samples.back().place);
+  if (!stretch.is_closed && stretch.last + 1 < n) stretch.polyline.push_back(samples.back().place);
   int segments = 0;
   bool is_admissible_as_is = true;
   bool has_cubic = false;
@@ -971,6 +1055,7 @@ CompactFit ContourFit::run() {
   }
   corner_turn_.assign(at(count()), 0.0);
   fitted_.assign(at(count()), {});
+  first_piece_.assign(at(count()), -1);
 
   // Begin at a break: a corner, else a line that stays, else the first node.
   int begin = 0;
@@ -1000,12 +1085,20 @@ CompactFit ContourFit::run() {
     if (task.most_pieces >= 1) result = Search(task, settings_, work_).run();
     if (result) {
       pieces = std::move(result->pieces);
+      first_piece_[at(index)] = result->first;
       if (task.start.is_corner) corner_turn_[at(index)] = result->start_turn;
       if (task.end.is_corner) corner_turn_[at(to % count())] = result->end_turn;
-      if (task.start.slides) fitted_[at((from - 1 + count()) % count())].back().p[1] = pieces.front().start();
-      if (task.end.slides) fitted_[at(to % count())].front().p[0] = pieces.back().end();
+      const bool is_open = !task.stretch.is_closed;
+      if (is_open && task.start.slides)
+        fitted_[at((from - 1 + count()) % count())].back().p[1] = pieces.front().start();
+      if (is_open && task.end.slides) fitted_[at(to % count())].front().p[0] = pieces.back().end();
     } else if (auto own = originals(from, to)) {
       pieces = std::move(*own);
+      int ended = 0;
+      for (int i = from; i < to; ++i) {
+        if (element(i).is_first) first_piece_[at(index)] = ended;
+        ended += element(i).sources > 0 ? 1 : 0;
+      }
     } else {
       return as_it_was(work_ > options.most_work ? "the work would be more than is allowed"
                                                  : "no quadratics were found that stay within the tolerance");
@@ -1019,16 +1112,11 @@ CompactFit ContourFit::run() {
   int first = 0;
   for (int from = begin; from < begin + count(); ++from) {
     const auto& pieces = fitted_[at(from % count())];
-    if (element(from).is_first) first = static_cast<int>(out.size());
+    const int own = element(from).is_first ? 0 : first_piece_[at(from % count())];
+    if (own >= 0) first = static_cast<int>(out.size()) + own;
     out.insert(out.end(), pieces.begin(), pieces.end());
   }
-  if (!element(begin).is_first) {
-    // inside a stretch it is the join that lies there
-    Point start = whole(Point::Zero());
-    for (std::size_t i = 0; i < out.size(); ++i) {
-      if (out[i].start() == start) first = static_cast<int>(i);
-    }
-  }
+  first %= static_cast<int>(out.size());
   std::rotate(out.begin(), out.begin() + first, out.end());
   bool is_admissible_as_is = true;
   for (int s = 0; s < source_.segment_count(); ++s) is_admissible_as_is = is_admissible_as_is && is_admissible(s);

@@ -44,7 +44,8 @@ struct CompactFit {
 /// tolerance. Coordinates are then rounded by a search over neighbouring whole numbers that keeps smooth joins within
 /// 1.5 degrees, and the result is measured; what fails is tried with more curves, in the end as many as there were.
 ///
-/// The first node of the contour stays the first node, the direction stays. A corner keeps its angle within 2 degrees
+/// The direction stays, and the first node the first; with free extrema, that of a smooth contour is the node nearest to
+/// where it was. A corner keeps its angle within 2 degrees
 /// and what one and a half units at its shorter handle turn it; beside a straight run it may slide along it, by less
 /// than the tolerance. The source's own nodes mean nothing but a hint where to join: it may be cut as finely as it
 /// likes.

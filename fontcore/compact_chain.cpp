@@ -51,19 +51,23 @@ ChainFit::ChainFit(const Stretch& stretch, Chain chain) : stretch_(stretch), cha
   if (chain_.kind == CurveKind::Quadratic) place_quadratics();
   variables_ = count_variables();
   const auto& samples = stretch.samples;
-  feet_.resize(samples.size());
-  for (int i = 0; i < chain_.size(); ++i) {
-    const int from = chain_.breaks[at(i)];
-    const int to = chain_.breaks[at(i + 1)];
-    for (int m = from; m <= to; ++m) {
-      feet_[at(m)].piece = i;
-      feet_[at(m)].u = (samples[at(m)].s - samples[at(from)].s) / chain_.arc[at(i)];
+  const int first = chain_.breaks.front();
+  const int last = chain_.breaks.back();
+  // Of a closed stretch one round; of an open one also what lies beyond its ends.
+  from_ = stretch.is_closed ? first : 0;
+  feet_.resize(stretch.is_closed ? at(last - first) : samples.size());
+  for (int m = 0; m < static_cast<int>(feet_.size()); ++m) {
+    const int sample = from_ + m;
+    Foot& foot = feet_[at(m)];
+    if (sample < first || sample > last) {
+      foot.piece = sample < first ? 0 : chain_.size() - 1;
+      foot.u = sample < first ? -1.0 : 2.0;
+      continue;
     }
-  }
-  for (int m = 0; m < chain_.breaks.front(); ++m) feet_[at(m)].u = -1.0;
-  for (int m = chain_.breaks.back() + 1; m < static_cast<int>(feet_.size()); ++m) {
-    feet_[at(m)].piece = chain_.size() - 1;
-    feet_[at(m)].u = 2.0;
+    const auto next = std::upper_bound(chain_.breaks.begin(), chain_.breaks.end() - 1, sample);
+    foot.piece = static_cast<int>(next - chain_.breaks.begin()) - 1;
+    foot.piece = std::min(foot.piece, chain_.size() - 1);
+    foot.u = (samples[at(sample)].s - samples[at(chain_.breaks[at(foot.piece)])].s) / chain_.arc[at(foot.piece)];
   }
   worst_ = project(3);
 }
@@ -203,7 +207,7 @@ double ChainFit::project(int newton) {
   double worst = 0.0;
   for (std::size_t m = 0; m < feet_.size(); ++m) {
     Foot& foot = feet_[m];
-    const Point& q = stretch_.samples[m].place;
+    const Point& q = sample(m).place;
     int piece = foot.piece;
     double u = std::clamp(foot.u, 0.0, 1.0);
     bool before = false;
@@ -400,23 +404,6 @@ bool ChainFit::solve(double distance, int rounds, Until until) {
         }
       }
     }
-    const double bound = std::sqrt(squares / std::max(weights, 1e-30));
-    if (until == Until::Within) {
-      if (round >= 6 && bound > distance && bound > 0.97 * bound_before) {
-        if (++stalled > 1) break;
-      } else {
-        stalled = 0;
-      }
-      if (round >= 4 && bound > 12.0 * distance && bound > 0.7 * bound_before) break;
-    } else {
-      if (round % 6 == 5) {
-        if (least > 0.95 * least_before) break;
-        least_before = least;
-      }
-      if (bound > 0.93 * least) break;
-    }
-    bound_before = bound;
-
     ProfileSystem system(first);
     Eigen::VectorXd right = Eigen::VectorXd::Zero(n);
     for (int i = 0; i < k; ++i) {
@@ -441,6 +428,22 @@ bool ChainFit::solve(double distance, int rounds, Until until) {
     }
     if (!system.factor()) break;
     const Eigen::VectorXd step = system.solve(right);
+    const double bound = std::sqrt(std::max(0.0, squares - step.dot(right)) / std::max(weights, 1e-30));
+    if (until == Until::Within) {
+      if (round >= 6 && bound > distance && bound > 0.97 * bound_before) {
+        if (++stalled > 1) break;
+      } else {
+        stalled = 0;
+      }
+      if (round >= 4 && bound > 12.0 * distance && bound > 0.7 * bound_before) break;
+    } else {
+      if (round % 6 == 5) {
+        if (least > 0.95 * least_before) break;
+        least_before = least;
+      }
+      if (bound > 0.93 * least) break;
+    }
+    bound_before = bound;
     double scale = 1.0;
     for (int v = 0; v < n; ++v) {
       const double size = std::abs(step[v]);
@@ -584,7 +587,7 @@ std::optional<std::vector<Bezier>> ChainFit::rounded(const Point& fraction, int 
               if (turn < join.turn_low - join.turn_slack || turn > join.turn_high + join.turn_slack) continue;
             } else {
               Point line = join.rail;
-              if (join.line_end) line = has_in ? Point(*join.line_end - node) : Point(node - *join.line_end);
+              if (join.has_line) line = has_in ? Point(join.line_end - node) : Point(node - join.line_end);
               if (std::abs(angle(line, own)) > smooth_angle) continue;
             }
           }
@@ -684,8 +687,7 @@ std::optional<std::vector<Bezier>> ChainFit::rounded(const Point& fraction, int 
   };
   Path best;
   if (chain_.is_closed) {
-    const std::size_t starts = std::min<std::size_t>(states[0].size(), 8);
-    for (std::size_t s = 0; s < starts; ++s) {
+    for (std::size_t s = 0; s < states[0].size(); ++s) {
       Path path = run(s, true);
       if (path.worst < best.worst) best = std::move(path);
     }

@@ -26,6 +26,7 @@ struct Join {
   bool moves = false;             ///< anywhere: two variables
   bool slides = false;            ///< along `rail`: one
   bool turns = false;             ///< its tangent: one
+  bool is_first = false;          ///< the contour's first node
   bool is_corner = false;         ///< an end of the chain that is no smooth continuation of a line
   Point rail = Point::Zero();
   Point home = Point::Zero();  ///< where it is on the source
@@ -38,15 +39,16 @@ struct Join {
   /// Whole numbers: what more a corner may turn, for handles end on whole numbers.
   double turn_slack = 0.0;
   /// The other end of the line that it slides along.
-  std::optional<Point> line_end;
+  bool has_line = false;
+  Point line_end = Point::Zero();
 };
 
 /// What of the source lies between two ends, sampled. Beyond ends that may slide along a line there are samples of
 /// that line.
 struct Stretch {
   std::vector<Bezier> source;
-  std::vector<Sample> samples;
-  int first = 0;  ///< the samples at its own ends
+  std::vector<Sample> samples;  ///< closed: twice round
+  int first = 0;                ///< the samples at its own ends
   int last = 0;
   bool is_closed = false;       ///< the whole of a smooth contour: its ends are one join
   std::vector<Point> polyline;  ///< of the source, with the lines beyond its ends
@@ -110,8 +112,11 @@ class ChainFit {
   void apply(const Eigen::VectorXd& step, double scale);
   void place_quadratics();
 
+  const Sample& sample(std::size_t foot) const { return stretch_.samples[static_cast<std::size_t>(from_) + foot]; }
+
   const Stretch& stretch_;
   Chain chain_;
+  int from_ = 0;  ///< the first foot's sample
   std::vector<Foot> feet_;
   std::vector<int> join_variable_;
   std::vector<int> piece_variable_;
