@@ -620,7 +620,7 @@ class ContourFit {
   void merge_lines();
   Task task_of(int from, int to) const;
   std::optional<std::vector<Bezier>> originals(int from, int to) const;
-  CompactFit as_it_was(std::string why) const;
+  CompactFit as_it_was(std::string why = {}) const;
   bool is_admissible(int segment) const;
   const Element& element(int i) const { return elements_[at((i + count()) % count())]; }
   int count() const { return static_cast<int>(elements_.size()); }
@@ -1042,9 +1042,9 @@ Task ContourFit::task_of(int from, int to) const {
 
 CompactFit ContourFit::run() {
   const CompactOptions& options = settings_.options;
-  if (options.tolerance == 0.0) return as_it_was("the tolerance is 0");
+  if (options.tolerance == 0.0) return as_it_was();
   make_elements();
-  if (count() < 2) return as_it_was("it has fewer than two segments with length");
+  if (count() < 2) return as_it_was();
   merge_lines();
   if (options.extrema == Extrema::Keep) split_at_extrema();
   const double run = options.straight_run * options.units_per_em;
@@ -1120,7 +1120,7 @@ CompactFit ContourFit::run() {
   std::rotate(out.begin(), out.begin() + first, out.end());
   bool is_admissible_as_is = true;
   for (int s = 0; s < source_.segment_count(); ++s) is_admissible_as_is = is_admissible_as_is && is_admissible(s);
-  if (is_admissible_as_is && written >= source_.segment_count()) return as_it_was("nothing shorter was found");
+  if (is_admissible_as_is && written >= source_.segment_count()) return as_it_was();
 
   Points points(static_cast<Eigen::Index>(4 * out.size()), 2);
   std::vector<PointKind> kinds;

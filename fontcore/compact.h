@@ -32,7 +32,7 @@ struct CompactFit {
   double deviation = 0.0;       ///< two-sided distance from the source, measured, font units
   Point where = Point::Zero();  ///< the point of either that is so far from the other
   bool kept = false;            ///< left as it was, bit for bit: nothing shorter was found
-  std::string why;              ///< if kept, the reason
+  std::string why;              ///< what stood against it, if something did: work, rounding; empty as a rule
   long work = 0;                ///< of `most_work`
 };
 
@@ -44,11 +44,10 @@ struct CompactFit {
 /// tolerance. Coordinates are then rounded by a search over neighbouring whole numbers that keeps smooth joins within
 /// 1.5 degrees, and the result is measured; what fails is tried with more curves, in the end as many as there were.
 ///
-/// The direction stays, and the first node the first; with free extrema, that of a smooth contour is the node nearest to
-/// where it was. A corner keeps its angle within 2 degrees
-/// and what one and a half units at its shorter handle turn it; beside a straight run it may slide along it, by less
-/// than the tolerance. The source's own nodes mean nothing but a hint where to join: it may be cut as finely as it
-/// likes.
+/// The direction stays, and the first node the first; with free extrema, that of a smooth contour is the node nearest
+/// to where it was. A corner keeps its angle within 2 degrees and what one and a half units at its shorter handle turn
+/// it; beside a straight run it may slide along it, by less than the tolerance. The source's own nodes mean nothing but
+/// a hint where to join: it may be cut as finely as it likes.
 ///
 /// Exact   deviation <= tolerance unless kept or `why` says otherwise; never more segments than the source has. A
 /// source

@@ -209,7 +209,8 @@ class Writer {
       troubles[k] = glyph_at(id).trouble;
       if (!troubles[k].empty()) return;
       const std::vector<BezierContour> before = compose(font_, id);
-      outlines[k] = as_cubics(before, fractions);
+      const auto instead = edited_.find(id);
+      outlines[k] = as_cubics(instead == edited_.end() ? before : instead->second, fractions);
       troubles[k] = too_much(outlines[k]);
       if (!troubles[k].empty()) return outlines[k].clear();
       converted.deviation[k] = deviation(before, outlines[k]);
@@ -1084,9 +1085,10 @@ WrittenFont write_sfnt(const Font& font, const EditedGlyphs& edited, const Write
   }
 }
 
-ConvertedFont convert_to_cff(const Font& font, Fractions fractions, const JobOptions& jobs) {
+ConvertedFont convert_to_cff(const Font& font, Fractions fractions, const JobOptions& jobs,
+                             const EditedGlyphs& instead) {
   try {
-    return Writer(font, {}, {}).convert(fractions, jobs);
+    return Writer(font, instead, {}).convert(fractions, jobs);
   } catch (const Malformed& error) {
     throw FontWriteError(text(font.path, ": ", error.what()));
   } catch (const FontReadError& error) {

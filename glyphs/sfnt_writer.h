@@ -89,11 +89,13 @@ struct ConvertedFont {
 /// Every outline stays at its origins. Contours of one point, which draw nothing, are left out. The result has been
 /// read again and compared before it is returned, charstrings by FreeType too.
 ///
-/// A glyph in trouble comes out empty, and is named.
+/// A glyph in trouble comes out empty, and is named. Glyphs that are given instead, as `compose` gives them, may be of
+/// lines, quadratics and cubics; the deviation is then theirs too.
 ///
 /// Throws  FontWriteError: no TrueType outlines, variable, a table for which sanitizers refuse the font, a coordinate
 /// that does not fit in 16 bits, a result that does
 ///         not read back. Names file and glyph.
-ConvertedFont convert_to_cff(const Font& font, Fractions fractions = Fractions::Round, const JobOptions& jobs = {});
+ConvertedFont convert_to_cff(const Font& font, Fractions fractions = Fractions::Round, const JobOptions& jobs = {},
+                             const EditedGlyphs& instead = {});
 
 }  // namespace glyphs

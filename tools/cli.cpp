@@ -77,6 +77,7 @@ struct Options {
   commands::RestyleRequest restyle;
   std::string family_recipe;
   std::string output_dir;
+  commands::SimplifyRequest simplify;
   commands::ConvertRequest convert;
   commands::ProofRequest proof;
   double tolerance = 0.0;
@@ -97,7 +98,7 @@ CLI::Option* add_output(CLI::App& app, Options& options, const char* help) {
 /// Options and commands that CLI users know and this version lacks are refused by name, not as unknown.
 [[noreturn]] void refuse(const std::string& what) { throw RequestError(what + ": not in this version"); }
 
-constexpr std::array<Command, 6> table{{
+constexpr std::array<Command, 7> table{{
     {"inspect", "per glyph and contour: points, segments, corners, model, area, length", [](CLI::App&, Options&) {},
      [](const Options& options) { return commands::inspect(options.request); }},
     {"restyle", "apply a recipe to a font or a UFO",
@@ -118,6 +119,22 @@ constexpr std::array<Command, 6> table{{
        commands::RestyleRequest restyle = options.restyle;
        restyle.output = options.output;
        return commands::restyle(options.request, restyle);
+     }},
+    {"simplify", "outlines in the fewest lines and curves within a tolerance",
+     [](CLI::App& app, Options& options) {
+       add_output(app, options, "the new font, .ttf, .otf or .ufo as FONT, .otf with cubics; may be FONT itself")
+           ->required();
+       app.add_option("--tolerance", options.simplify.tolerance,
+                      "two-sided distance allowed, thousandths of the em; 1 unless given");
+       app.add_option("--extrema", options.simplify.extrema, "keep: extrema are nodes; free: nodes are anywhere");
+       app.add_option("--curve", options.simplify.curve, "same, cubic or quadratic");
+       app.add_option("--report", options.simplify.report, "what became of every glyph, JSON");
+       app.add_flag("--strict", options.simplify.strict, "any refused glyph: exit status 1 and no output");
+     },
+     [](const Options& options) {
+       commands::SimplifyRequest simplify = options.simplify;
+       simplify.output = options.output;
+       return commands::simplify(options.request, simplify);
      }},
     {"check", "where outlines meet themselves or each other; exit status 1 if anywhere", [](CLI::App&, Options&) {},
      [](const Options& options) { return commands::check(options.request); }},
@@ -206,7 +223,7 @@ int run_program(int count, char** arguments) {
     command.add_options(*sub, options);
     sub->callback([&] { outcome = run(command, options); });
   }
-  for (const char* later : {"simplify", "character", "weight"})
+  for (const char* later : {"character", "weight"})
     app.add_subcommand(later, "not in this version")->allow_extras()->group("")->callback([later] { refuse(later); });
 
   try {

@@ -14,6 +14,7 @@
 #include "glyphs/recipe.h"
 #include "glyphs/restyle.h"
 #include "glyphs/safe_file.h"
+#include "glyphs/simplify.h"
 #include "glyphs/ufo.h"
 
 namespace commands {
@@ -305,6 +306,94 @@ Outcome restyle(const Request& request, const RestyleRequest& restyle) {
   glyphs::write_files(files);
   if (request.json) return {report, "", 0};
   return {request.quiet ? "" : summary(request, restyle, font, result), "", 0};
+}
+
+namespace {
+
+std::string simplify_summary(const Request& request, const SimplifyRequest& simplify, const Font& font,
+                             const glyphs::SimplifyResult& result) {
+  std::vector<std::string> refused;
+  const glyphs::SimplifiedGlyph* worst = nullptr;
+  int before = 0;
+  int after = 0;
+  for (const glyphs::SimplifiedGlyph& glyph : result.glyphs) {
+    if (!glyph.refused.empty()) refused.push_back(glyph.name + " (" + glyph.refused + ")");
+    before += glyph.segments_before;
+    after += glyph.segments_after;
+    if (glyph.changed && (worst == nullptr || glyph.deviation > worst->deviation)) worst = &glyph;
+  }
+  std::string out = text(request.font, ": ", result.changed(), " of ", count(result.glyphs.size(), "selected glyph"),
+                         " simplified: ", after, " segments for ", before, "\n");
+  if (!refused.empty()) out += "left as they were: " + few(refused) + "\n";
+  if (worst != nullptr) {
+    out += text("largest deviation: ", rounded(worst->deviation, 4), " of ", font.units_per_em, " units per em, in ",
+                worst->name, ", contour ", worst->worst_contour, ", at ", rounded(worst->where.x()), ",",
+                rounded(worst->where.y()), "\n");
+  }
+  out += what_changed(font, result.font);
+  if (!result.font.dropped_instructions.empty())
+    out += text("instructions dropped from ", count(result.font.dropped_instructions.size(), "glyph"), "\n");
+  if (!result.font.dropped_hints.empty())
+    out += text("hints dropped from ", count(result.font.dropped_hints.size(), "glyph"), "\n");
+  std::vector<std::string> written{simplify.output};
+  if (!simplify.report.empty()) written.push_back(simplify.report);
+  return out + "written: " + join(written, ", ") + "\n";
+}
+
+/// The value that a word stands for, or a refusal that names the words there are.
+template <typename Value>
+Value chosen(const std::string& option, const std::string& word,
+             const std::vector<std::pair<std::string, Value>>& words) {
+  std::vector<std::string> known;
+  for (const auto& [name, value] : words) {
+    if (name == word) return value;
+    known.push_back(name);
+  }
+  throw RequestError(text(option, " ", word, ": one of ", join(known, ", "), " is expected"));
+}
+
+}  // namespace
+
+Outcome simplify(const Request& request, const SimplifyRequest& simplify) {
+  using glyphs::SimplifiedCurve;
+  const glyphs::FileKind kind = glyphs::file_kind(simplify.output);
+  check_outputs({}, {simplify.output, simplify.report});
+  check_outputs({request.font}, {simplify.report});
+  glyphs::SimplifyOptions options;
+  options.jobs = request.jobs;
+  options.tolerance = simplify.tolerance;
+  options.extrema = chosen<fontcore::Extrema>("--extrema", simplify.extrema,
+                                              {{"keep", fontcore::Extrema::Keep}, {"free", fontcore::Extrema::Free}});
+  options.curve = chosen<SimplifiedCurve>(
+      "--curve", simplify.curve,
+      {{"same", SimplifiedCurve::Same}, {"cubic", SimplifiedCurve::Cubic}, {"quadratic", SimplifiedCurve::Quadratic}});
+  if (!(options.tolerance >= 0.0) || !std::isfinite(options.tolerance))
+    throw RequestError(text("--tolerance ", simplify.tolerance, ": a distance is expected"));
+  const Font font = load(request);
+  const glyphs::FileKind own = glyphs::simplified_kind(font, options.curve);
+  if (own == glyphs::kind_of(font)) {
+    require_kind(font, kind, simplify.output);
+  } else if (kind != own) {
+    throw RequestError(simplify.output + ": with cubics the font is an OpenType font, so the output's ending is .otf");
+  }
+  if (request.text || !request.glyphs.empty()) options.only = selected(request, font);
+  glyphs::SimplifyResult result = naming(request.font, [&] { return glyphs::simplify(font, options); });
+
+  if (simplify.strict && result.refused() > 0) {
+    std::vector<std::string> refused;
+    for (const glyphs::SimplifiedGlyph& glyph : result.glyphs)
+      if (!glyph.refused.empty()) refused.push_back(glyph.name + " (" + glyph.refused + ")");
+    return {"", text(request.font, ": ", count(refused.size(), "glyph"), " refused, nothing written: ", few(refused)),
+            1};
+  }
+  const bool has_report = request.json || !simplify.report.empty();
+  const std::string report = has_report ? glyphs::simplify_json(font, options, result) : std::string();
+  std::vector<glyphs::PendingFile> files;
+  if (!simplify.report.empty()) files.push_back({simplify.report, {report.begin(), report.end()}});
+  files.push_back({simplify.output, std::move(result.font.data), std::move(result.font.folder)});
+  glyphs::write_files(files);
+  if (request.json) return {report, "", 0};
+  return {request.quiet ? "" : simplify_summary(request, simplify, font, result), "", 0};
 }
 
 Outcome convert(const Request& request, const ConvertRequest& convert) {

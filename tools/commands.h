@@ -49,6 +49,16 @@ struct RestyleRequest {
 };
 Outcome restyle(const Request& request, const RestyleRequest& restyle);
 
+struct SimplifyRequest {
+  std::string output;
+  std::string report;      ///< empty: none
+  double tolerance = 1.0;  ///< thousandths of the em
+  std::string extrema = "keep";
+  std::string curve = "same";
+  bool strict = false;
+};
+Outcome simplify(const Request& request, const SimplifyRequest& simplify);
+
 struct ConvertRequest {
   std::string output;
   bool fractional = false;  ///< coordinates keep their fractions

@@ -141,7 +141,7 @@ TEST_CASE("misuse is one line and status 2", "[cli]") {
 }
 
 TEST_CASE("what this version does not have yet is refused by name", "[cli]") {
-  for (const char* command : {"simplify", "character", "weight"})
+  for (const char* command : {"character", "weight"})
     check_refusal(glyphwave({command, serif, "-o", "x.otf"}), {command, "not in this version"});
   check_refusal(glyphwave({"area", "check", "base.json", serif}), {"area check", "not in this version"});
   check_refusal(glyphwave({"area", "audit", serif}), {"area audit", "not in this version"});
