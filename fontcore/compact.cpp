@@ -684,7 +684,10 @@ void ContourFit::make_elements() {
     for (Point& p : element.curve.p) p -= origin_;
     element.source = s;
     element.is_first = std::exchange(is_first, false);
-    if (element.curve.degree > 1 && is_straight(element.curve, straightness * options.tolerance)) {
+    // A line needs ends on whole numbers: implied nodes stay inside curves.
+    const auto is_whole = [&](const Point& p) { return whole(p) == p; };
+    if (element.curve.degree > 1 && is_straight(element.curve, straightness * options.tolerance) &&
+        is_whole(element.curve.start()) && is_whole(element.curve.end())) {
       element.curve.p[1] = element.curve.end();
       element.curve.degree = 1;
     }
@@ -1122,6 +1125,7 @@ CompactFit ContourFit::run() {
   for (int s = 0; s < source_.segment_count(); ++s) is_admissible_as_is = is_admissible_as_is && is_admissible(s);
   if (is_admissible_as_is && written >= source_.segment_count()) return as_it_was();
 
+  bool begins_with_handle = false;
   Points points(static_cast<Eigen::Index>(4 * out.size()), 2);
   std::vector<PointKind> kinds;
   const auto add = [&](const Point& p, PointKind kind) {
@@ -1131,10 +1135,17 @@ CompactFit ContourFit::run() {
   for (std::size_t i = 0; i < out.size(); ++i) {
     const Bezier& b = out[i];
     const Bezier& before = out[i == 0 ? out.size() - 1 : i - 1];
-    const bool is_implied = b.degree == 2 && before.degree == 2 && b.start() == 0.5 * (before.p[1] + b.p[1]);
-    add(b.start(), is_implied ? PointKind::ImpliedNode : PointKind::Node);
+    const bool is_middle = b.degree == 2 && before.degree == 2 && b.start() == 0.5 * (before.p[1] + b.p[1]);
+    // The first node is one of its own if it can be: where a list begins with a handle, readers begin elsewhere.
+    const bool is_implied = is_middle && (i > 0 || whole(b.start()) != b.start());
+    if (is_implied && i == 0) {
+      begins_with_handle = true;
+    } else {
+      add(b.start(), is_implied ? PointKind::ImpliedNode : PointKind::Node);
+    }
     for (int k = 1; k < b.degree; ++k) add(b.p[at(k)], b.degree == 2 ? PointKind::Quadratic : PointKind::Cubic);
   }
+  if (begins_with_handle) add(out.front().start(), PointKind::ImpliedNode);
   points.conservativeResize(static_cast<Eigen::Index>(kinds.size()), 2);
   CompactFit fit;
   fit.contour = BezierContour(std::move(points), std::move(kinds));
