@@ -36,7 +36,7 @@ constexpr double sample_turn = 8.0 * degrees;
 constexpr int most_samples_of_curve = 30;
 constexpr int most_samples = 640;
 // A long turn is cut so often to join in.
-constexpr double candidate_turn = 35.0 * degrees;
+constexpr double candidate_turn = 15.0 * degrees;
 constexpr double most_candidates = 56.0;
 // The part of the tolerance that the solver aims for: the rest is for what lies between the samples.
 constexpr double aim = 0.985;
@@ -823,11 +823,10 @@ Task ContourFit::task_of(int from, int to) const {
       const double slack =
           1.4 / std::max(1.0, std::min(handle_of(own.curve, is_start), handle_of(beside.curve, !is_start)));
       const double turned = corner_turn_[at(node_index)];
-      const double freedom = std::min(corner_freedom, 0.4 * node.turn);
       join.turns = true;
-      join.turn_low = turned - freedom - 0.5 * slack;
-      join.turn_high = turned + freedom + 0.5 * slack;
-      join.turn_slack = 0.4 * slack;
+      join.turn_low = turned - corner_freedom - 0.8 * slack;
+      join.turn_high = turned + corner_freedom + 0.8 * slack;
+      join.turn_slack = 0.15 * slack;
       join.home = join.place = whole(join.place);
       return join;
     }

@@ -328,9 +328,9 @@ bool ChainFit::solve(double distance, int rounds, Until until) {
   double least = worst_;
 
   struct Sums {
-    double xx[16];
-    double xy[16];
-    double yy[16];
+    double xx[10];  // of pairs of control points, i <= j
+    double xy[10];
+    double yy[10];
     double x[4];
     double y[4];
   };
@@ -387,23 +387,26 @@ bool ChainFit::solve(double distance, int rounds, Until until) {
       const double w = foot.weight;
       const double nx = foot.normal.x();
       const double ny = foot.normal.y();
-      const double wx = w * nx;
-      const double wy = w * ny;
       weights += w;
       squares += w * foot.residual * foot.residual;
+      const double wxx = w * nx * nx;
+      const double wxy = w * nx * ny;
+      const double wyy = w * ny * ny;
+      const double pairs[10] = {b[0] * b[0], b[0] * b[1], b[0] * b[2], b[0] * b[3], b[1] * b[1],
+                                b[1] * b[2], b[1] * b[3], b[2] * b[2], b[2] * b[3], b[3] * b[3]};
+      for (int i = 0; i < 10; ++i) {
+        s.xx[i] += wxx * pairs[i];
+        s.xy[i] += wxy * pairs[i];
+        s.yy[i] += wyy * pairs[i];
+      }
+      const double rx = w * foot.residual * nx;
+      const double ry = w * foot.residual * ny;
       for (int i = 0; i < 4; ++i) {
-        const double ix = wx * b[i];
-        const double iy = wy * b[i];
-        const double jx = nx;
-        s.x[i] -= ix * foot.residual;
-        s.y[i] -= iy * foot.residual;
-        for (int j = 0; j < 4; ++j) {
-          s.xx[4 * i + j] += ix * jx * b[j];
-          s.xy[4 * i + j] += ix * ny * b[j];
-          s.yy[4 * i + j] += iy * ny * b[j];
-        }
+        s.x[i] -= rx * b[i];
+        s.y[i] -= ry * b[i];
       }
     }
+
     ProfileSystem system(first);
     Eigen::VectorXd right = Eigen::VectorXd::Zero(n);
     for (int i = 0; i < k; ++i) {
@@ -413,7 +416,8 @@ bool ChainFit::solve(double distance, int rounds, Until until) {
         right[e.variable] += e.by.x() * s.x[e.control] + e.by.y() * s.y[e.control];
         for (const Entry& f : follow[at(i)]) {
           if (f.variable > e.variable) continue;
-          const int c = 4 * e.control + f.control;
+          constexpr int pair[4][4] = {{0, 1, 2, 3}, {1, 4, 5, 6}, {2, 5, 7, 8}, {3, 6, 8, 9}};
+          const int c = pair[e.control][f.control];
           system.entry(e.variable, f.variable) += e.by.x() * (f.by.x() * s.xx[c] + f.by.y() * s.xy[c]) +
                                                   e.by.y() * (f.by.x() * s.xy[c] + f.by.y() * s.yy[c]);
         }
