@@ -208,8 +208,6 @@ struct Ending {
 constexpr std::array<Ending, 4> endings{
     {{".ttf", FileKind::TrueType}, {".otf", FileKind::OpenType}, {".ufo", FileKind::Ufo}, {".svg", FileKind::Svg}}};
 
-const char* ending_of(FileKind kind) { return std::ranges::find(endings, kind, &Ending::kind)->text; }
-
 WrittenFont written(WrittenUfo ufo) {
   WrittenFont font;
   font.folder = std::move(ufo.folder);
@@ -220,30 +218,9 @@ WrittenFont written(WrittenUfo ufo) {
   return font;
 }
 
-// ---- one glyph as a picture that drawing programs edit
-
-/// The outline as it is drawn, y down, in font units: from the ascender to the descender, as wide as the advance.
-std::string outline_picture(const Font& font, int glyph) {
-  std::string path;
-  const auto place = [](const fontcore::Point& p) { return xml::number_text(p.x()) + ' ' + xml::number_text(-p.y()); };
-  for (const fontcore::BezierContour& contour : compose(font, glyph)) {
-    if (!path.empty()) path += ' ';
-    path += 'M' + place(contour.point(contour.node(0)));
-    for (int s = 0; s < contour.segment_count(); ++s) {
-      const fontcore::Bezier part = contour.segment(s);
-      if (part.degree == 1 && s + 1 == contour.segment_count()) break;  // drawn by Z
-      path += part.degree == 1 ? 'L' : part.degree == 2 ? 'Q' : 'C';
-      for (int k = 1; k <= part.degree; ++k) path += (k > 1 ? " " : "") + place(part.p[static_cast<std::size_t>(k)]);
-    }
-    path += 'Z';
-  }
-  const Glyph& drawn = font.glyphs.at(static_cast<std::size_t>(glyph));
-  return "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 " + xml::number_text(-font.ascender) + ' ' +
-         xml::number_text(std::max(1.0, drawn.advance)) + ' ' +
-         xml::number_text(std::max(1.0, font.ascender - font.descender)) + "\">\n<path d=\"" + path + "\"/>\n</svg>\n";
-}
-
 }  // namespace
+
+const char* ending_of(FileKind kind) { return std::ranges::find(endings, kind, &Ending::kind)->text; }
 
 FileKind file_kind(const std::string& path) {
   std::string name = path;
@@ -272,38 +249,11 @@ FileKind kind_of(const Font& font) {
   throw RequestError(font.path + ": has CFF2 outlines, which this version does not write");
 }
 
+WrittenFont extract_ufo(const Font& font) { return written(build_ufo(font)); }
+
 WrittenFont write_font(const Font& font, const EditedGlyphs& edited, const WriteOptions& options) {
   if (font.format == OutlineFormat::Ufo) return written(write_ufo(font, edited, options));
   return write_sfnt(font, edited, options);
-}
-
-ConvertedFont convert_font(const Font& font, FileKind kind, const ConvertOptions& options) {
-  ConvertedFont result;
-  if (kind == FileKind::Svg) {
-    if (options.glyphs.size() != 1) {
-      throw RequestError(text(font.path, ": an SVG is of one glyph; ", options.glyphs.size(), " are selected"));
-    }
-    const std::string picture = outline_picture(font, options.glyphs.front());
-    result.font.data = {picture.begin(), picture.end()};
-    return result;
-  }
-  const FileKind own = kind_of(font);
-  if (kind == own) {
-    result.font = write_font(font, {}, {.is_checked = true});
-    for (const auto& [id, why] : result.font.emptied) result.emptied.push_back(id);
-  } else if (own == FileKind::Ufo) {
-    throw RequestError(
-        text(font.path, ": a UFO is compiled by fontmake: fontmake -u ", font.path, " -o ", ending_of(kind) + 1));
-  } else if (kind == FileKind::Ufo) {
-    result.font = written(build_ufo(font));
-  } else if (kind == FileKind::OpenType && font.format == OutlineFormat::TrueType) {
-    result = convert_to_cff(font, options.fractions, options.jobs);
-  } else if (font.format == OutlineFormat::None) {
-    throw RequestError(text(font.path, ": has no outlines to be converted to ", ending_of(kind)));
-  } else {
-    throw RequestError(font.path + ": cubics do not become quadratics in this version");
-  }
-  return result;
 }
 
 }  // namespace glyphs

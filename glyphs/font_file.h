@@ -47,6 +47,9 @@ Font load_font_bytes(const std::string& path, Bytes data, const LoadOptions& opt
 /// What is to be written, which a path says by its ending.
 enum class FileKind { TrueType, OpenType, Ufo, Svg };
 
+/// How the path of such a file ends: ".ttf", ".otf", ".ufo", ".svg".
+const char* ending_of(FileKind kind);
+
 /// Throws  RequestError if the path ends in none of .ttf, .otf, .ufo, .svg (of a folder, before a slash).
 FileKind file_kind(const std::string& path);
 
@@ -59,17 +62,7 @@ FileKind kind_of(const Font& font);
 /// The font with the given glyphs' outlines replaced and nothing else changed, by `write_sfnt` or `write_ufo`.
 WrittenFont write_font(const Font& font, const EditedGlyphs& edited, const WriteOptions& options = {});
 
-struct ConvertOptions {
-  JobOptions jobs;
-  Fractions fractions = Fractions::Round;  ///< coordinates that are no whole numbers, where the kind of curve changes
-  std::vector<int> glyphs;                 ///< of an SVG the one it is of
-};
-
-/// A font as a file of another kind: TrueType as OpenType with CFF outlines, either as a UFO, one glyph as an SVG; or
-/// of its own kind, a face of a collection, a web font or a place of a design space being a font of its own then.
-///
-/// Throws  RequestError if that cannot be done: a UFO is compiled by fontmake, cubics do not become quadratics by this
-///         version, an SVG is of one glyph; FontWriteError as the writers do.
-ConvertedFont convert_font(const Font& font, FileKind kind, const ConvertOptions& options = {});
+/// A UFO made of the font, by `build_ufo`.
+WrittenFont extract_ufo(const Font& font);
 
 }  // namespace glyphs

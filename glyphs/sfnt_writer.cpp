@@ -36,6 +36,8 @@ using sfnt::Tag;
 using sfnt::tag;
 using sfnt::View;
 
+constexpr Eigen::Index most_drawn = 32767;         // FreeType counts points in 16 bits
+constexpr std::uint64_t short_limit = 2 * 0xFFFF;  // what offsets of two bytes reach
 constexpr std::size_t most_points = 65535;  // of a simple glyph: the last one's number has 16 bits, maxp's count too
 constexpr int int16_min = std::numeric_limits<std::int16_t>::min();
 constexpr int int16_max = std::numeric_limits<std::int16_t>::max();
@@ -193,68 +195,43 @@ class Writer {
     return std::move(result_);
   }
 
-  ConvertedFont convert(Fractions fractions, const JobOptions& jobs) {
+  WrittenFont write_as(OutlineFormat to, const GlyphOutlines& outlines) {
     if (!font_.data) fail("the font has no data to be converted");
-    if (font_.format != OutlineFormat::TrueType) fail("only fonts with TrueType outlines become CFF");
     refuse_formats();
     result_.warnings = font_.warnings;
     open_tables();
-    ConvertedFont converted;
-    const std::size_t count = font_.glyphs.size();
-    converted.deviation.resize(count);
-    std::vector<std::vector<BezierContour>> outlines(count);
-    std::vector<std::string> troubles(count);
-    run_jobs(static_cast<int>(count), jobs, [&](int id) {
-      const auto k = static_cast<std::size_t>(id);
-      troubles[k] = glyph_at(id).trouble;
-      if (!troubles[k].empty()) return;
-      const std::vector<BezierContour> before = compose(font_, id);
-      const auto instead = edited_.find(id);
-      outlines[k] = as_cubics(instead == edited_.end() ? before : instead->second, fractions);
-      troubles[k] = too_much(outlines[k]);
-      if (!troubles[k].empty()) return outlines[k].clear();
-      converted.deviation[k] = deviation(before, outlines[k]);
-    });
-    converted.worst = static_cast<int>(std::ranges::max_element(converted.deviation) - converted.deviation.begin());
+    if (outlines.size() != old_glyphs_.size()) {
+      fail(text("outlines of ", outlines.size(), " glyphs for ", old_glyphs_.size()));
+    }
     for (const Glyph& glyph : font_.glyphs) {
-      if (const std::string& trouble = troubles[static_cast<std::size_t>(glyph.id)]; !trouble.empty()) {
-        converted.emptied.push_back(glyph.id);
-        result_.warnings.push_back(text(glyph.name, ": comes out empty: ", trouble));
-      }
-      if (glyph.is_composite()) converted.flattened.push_back(glyph.id);
       if (glyph.has_instructions) result_.dropped_instructions.push_back(glyph.id);
+      if (glyph.has_hints) result_.dropped_hints.push_back(glyph.id);
+      snapped_[glyph.id] = outlines[static_cast<std::size_t>(glyph.id)];
       changed_.push_back(glyph.id);
     }
-    rebuild_as_cff(outlines);
-    directory_.version = tag("OTTO");
-    assemble({tag("DSIG"), tag("hdmx"), tag("LTSH"), tag("VDMX"), tag("glyf"), tag("loca"), tag("fpgm"), tag("prep"),
-              tag("cvt ")});
+    std::set<Tag> gone = void_tables();
+    if (to == OutlineFormat::Cff) {
+      rebuild_as_cff(outlines);
+      directory_.version = tag("OTTO");
+      gone.insert({tag("glyf"), tag("loca"), tag("fpgm"), tag("prep"), tag("cvt ")});
+    } else {
+      rebuild_as_truetype(outlines);
+      directory_.version = 0x00010000;
+      gone.insert({tag("CFF "), tag("VORG")});
+    }
+    assemble(gone);
     refuse_faults(sfnt::find_faults(sfnt::read_directory(result_.data, 0)));
     warn();
     if (const sfnt::TableRecord* gpos = directory_.find(tag("GPOS")); gpos && PointAnchors(gpos->bytes).exist()) {
       result_.warnings.emplace_back(
           "GPOS: has anchors that name points of outlines by their numbers, which are others now");
     }
-    for (std::size_t k = 0; k < count; ++k) snapped_[static_cast<int>(k)] = std::move(outlines[k]);
     read_back_converted();
-    converted.font = std::move(result_);
-    return converted;
+    if (to == OutlineFormat::Cff) check_by_freetype();
+    return std::move(result_);
   }
 
  private:
-  /// Why an outline is none that readers of charstrings take; empty if they do.
-  static std::string too_much(const std::vector<BezierContour>& outline) {
-    Eigen::Index points = 0;
-    for (const BezierContour& contour : outline) points += contour.point_count();
-    constexpr Eigen::Index most_drawn = 32767;  // FreeType counts them in 16 bits
-    if (points > most_drawn) return text("its ", points, " points are more than ", most_drawn);
-    constexpr std::size_t most_bytes = 65535;  // of sanitizers
-    constexpr Eigen::Index bytes_per_point = 11;
-    if (points < static_cast<Eigen::Index>(most_bytes) / bytes_per_point) return "";
-    const std::size_t bytes = sfnt::encode_charstring(outline, {}, 0.0).size();
-    return bytes <= most_bytes ? "" : text("its charstring has ", bytes, " bytes, more than ", most_bytes);
-  }
-
   const Glyph& glyph_at(int id) const { return font_.glyphs[static_cast<std::size_t>(id)]; }
   [[noreturn]] void fail(const std::string& why) const { throw FontWriteError(text(font_.path, ": ", why)); }
   [[noreturn]] void fail(int glyph, const std::string& why) const { fail(text(glyph_at(glyph).name, ": ", why)); }
@@ -388,31 +365,37 @@ class Writer {
       if (stored.ends.size() != contours.size()) {
         fail(id, text("the font's data has ", stored.ends.size(), " contours, the glyph ", contours.size()));
       }
-      stored.points.clear();
-      Box box{int16_max, int16_max, int16_min, int16_min};
-      for (std::size_t c = 0; c < contours.size(); ++c) {
-        const BezierContour& contour = contours[c];
-        for (int i = 0; i < contour.point_count(); ++i) {
-          if (contour.kind(i) == PointKind::ImpliedNode) continue;
-          if (contour.kind(i) == PointKind::Cubic) {
-            fail(id, text("contour ", c, ", point ", i, ": a handle of a cubic, which TrueType does not have"));
-          }
-          const auto [x, y] = whole(id, c, contour, i);
-          const SimpleGlyph::Point point{x, y, contour.kind(i) == PointKind::Node};
-          box = {std::min(box.x_min, x), std::min(box.y_min, y), std::max(box.x_max, x), std::max(box.y_max, y)};
-          if (!stored.points.empty()) require_step(id, c, stored.points.back(), point);
-          stored.points.push_back(point);
-        }
-        stored.ends[c] = static_cast<int>(stored.points.size()) - 1;
-      }
-      if (stored.points.size() > most_points) {
-        fail(id, text(stored.points.size(), " points, more than the ", most_points, " of the format"));
-      }
+      const Box box = list_points(id, contours, stored);
       place(id, sfnt::encode(stored, box), box);
-      raise_maximum(6, static_cast<int>(stored.points.size()));
-      raise_maximum(8, static_cast<int>(stored.ends.size()));
       if (glyph_at(id).has_instructions) result_.dropped_instructions.push_back(id);
     }
+  }
+
+  /// Points and ends of the contours, as TrueType stores them; their box.
+  Box list_points(int id, const std::vector<BezierContour>& contours, SimpleGlyph& stored) {
+    stored.points.clear();
+    Box box{int16_max, int16_max, int16_min, int16_min};
+    for (std::size_t c = 0; c < contours.size(); ++c) {
+      const BezierContour& contour = contours[c];
+      for (int i = 0; i < contour.point_count(); ++i) {
+        if (contour.kind(i) == PointKind::ImpliedNode) continue;
+        if (contour.kind(i) == PointKind::Cubic) {
+          fail(id, text("contour ", c, ", point ", i, ": a handle of a cubic, which TrueType does not have"));
+        }
+        const auto [x, y] = whole(id, c, contour, i);
+        const SimpleGlyph::Point point{x, y, contour.kind(i) == PointKind::Node};
+        box = {std::min(box.x_min, x), std::min(box.y_min, y), std::max(box.x_max, x), std::max(box.y_max, y)};
+        if (!stored.points.empty()) require_step(id, c, stored.points.back(), point);
+        stored.points.push_back(point);
+      }
+      stored.ends[c] = static_cast<int>(stored.points.size()) - 1;
+    }
+    if (stored.points.size() > most_points) {
+      fail(id, text(stored.points.size(), " points, more than the ", most_points, " of the format"));
+    }
+    raise_maximum(6, static_cast<int>(stored.points.size()));
+    raise_maximum(8, static_cast<int>(stored.ends.size()));
+    return box;
   }
 
   /// True if a composite says that its parts overlap, or if the contours of one do.
@@ -643,74 +626,17 @@ class Writer {
     return boxes;
   }
 
-  // ---- TrueType to CFF
-
-  /// Contours from their first nodes, quadratics raised, run the other way, with coordinates that a charstring can
-  /// hold.
-  static std::vector<BezierContour> as_cubics(const std::vector<BezierContour>& contours, Fractions fractions) {
-    std::vector<BezierContour> result;
-    for (const BezierContour& contour : contours) {
-      if (contour.point_count() < 2) continue;
-      std::vector<fontcore::Point> list;
-      std::vector<PointKind> kinds;
-      const auto add = [&](const fontcore::Point& point, PointKind kind) {
-        list.push_back(point);
-        kinds.push_back(kind);
-      };
-      for (int s = 0; s < contour.segment_count(); ++s) {
-        const fontcore::Bezier segment = contour.segment(s);
-        add(segment.start(), PointKind::Node);
-        if (segment.degree == 2) {
-          constexpr double third = 1.0 / 3.0;
-          add(third * segment.p[0] + 2 * third * segment.p[1], PointKind::Cubic);
-          add(third * segment.p[2] + 2 * third * segment.p[1], PointKind::Cubic);
-        } else {
-          for (int k = 1; k < segment.degree; ++k) add(segment.p[static_cast<std::size_t>(k)], PointKind::Cubic);
-        }
-      }
-      fontcore::Points points(static_cast<Eigen::Index>(list.size()), 2);
-      for (std::size_t i = 0; i < list.size(); ++i) points.row(static_cast<Eigen::Index>(i)) = list[i].transpose();
-      if (fractions == Fractions::Round) points = (points.array() + 0.5).floor().matrix().eval();
-      result.push_back(reverse(BezierContour(std::move(points), std::move(kinds))));
-    }
-    return sfnt::snap(result);
-  }
-
-  /// Both ways, between the same places of every segment: what sampling leaves out is the same on both sides.
-  static double deviation(const std::vector<BezierContour>& before, const std::vector<BezierContour>& after) {
-    const auto sampled = [](const BezierContour& contour) {
-      constexpr int samples = 16;  // of a segment
-      fontcore::Points points(samples * static_cast<Eigen::Index>(contour.segment_count()), 2);
-      Eigen::Index row = 0;
-      for (int s = 0; s < contour.segment_count(); ++s) {
-        const fontcore::Bezier segment = contour.segment(s);
-        for (int k = 0; k < samples; ++k) {
-          points.row(row++) = evaluate(segment, static_cast<double>(k) / samples).transpose();
-        }
-      }
-      return points;
-    };
-    double largest = 0.0;
-    std::size_t k = 0;
-    for (const BezierContour& contour : before) {
-      if (contour.point_count() < 2) continue;
-      largest = std::max(largest, fontcore::two_sided_distance(sampled(contour), sampled(reverse(after[k++]))));
-    }
-    return largest;
-  }
-
-  void rebuild_as_cff(const std::vector<std::vector<BezierContour>>& outlines) {
-    sfnt::NewCff made{.name = postscript_name(), .units_per_em = basics_.units_per_em};
-    made.outlines = outlines;
-    Boxes boxes;
+  // ---- outlines of the other kind
+  /// Bearings, head, hhea and vhea after the boxes of what is drawn now.
+  void follow_new_boxes(std::vector<std::optional<Box>> after) {
+    Boxes boxes{{}, std::move(after)};
     for (const Glyph& glyph : font_.glyphs) {
-      made.names.push_back(glyph.name);
-      made.advances.push_back(basics_.metrics.advance(glyph.id));
-      boxes.before.push_back(font_.has_outline(glyph.id)
-                                 ? std::optional<Box>(sfnt::read_box(old_glyphs_[static_cast<std::size_t>(glyph.id)]))
-                                 : std::nullopt);
-      boxes.after.push_back(drawn_box(glyph.id, outlines[static_cast<std::size_t>(glyph.id)]));
-      if (const auto& box = boxes.after.back()) {
+      const auto k = static_cast<std::size_t>(glyph.id);
+      const bool is_truetype = font_.format == OutlineFormat::TrueType;
+      boxes.before.push_back(!font_.has_outline(glyph.id) ? std::nullopt
+                             : is_truetype                ? std::optional<Box>(sfnt::read_box(old_glyphs_[k]))
+                                                          : drawn_box(glyph.id, compose(font_, glyph.id)));
+      if (const auto& box = boxes.after[k]) {
         put_u16(rebuilt_[tag("hmtx")], basics_.metrics.bearing_offset(glyph.id), box->x_min);
       }
     }
@@ -718,6 +644,19 @@ class Writer {
     Bytes& head = rebuilt_[tag("head")];
     constexpr int bearings_are_x_min = 2;
     put_u16(head, 16, sfnt::u16(head, 16) | bearings_are_x_min);
+  }
+
+  void rebuild_as_cff(const GlyphOutlines& outlines) {
+    sfnt::NewCff made{.name = postscript_name(), .units_per_em = basics_.units_per_em};
+    made.outlines = outlines;
+    std::vector<std::optional<Box>> boxes;
+    for (const Glyph& glyph : font_.glyphs) {
+      made.names.push_back(glyph.name);
+      made.advances.push_back(basics_.metrics.advance(glyph.id));
+      boxes.push_back(drawn_box(glyph.id, outlines[static_cast<std::size_t>(glyph.id)]));
+    }
+    follow_new_boxes(std::move(boxes));
+    Bytes& head = rebuilt_[tag("head")];
     put_u16(head, 50, 0);
     made.box = {sfnt::i16(head, 36), sfnt::i16(head, 38), sfnt::i16(head, 40), sfnt::i16(head, 42)};
     rebuilt_[tag("CFF ")] = build_cff(made);
@@ -727,6 +666,68 @@ class Writer {
     if (const sfnt::TableRecord* post = directory_.find(tag("post")); post && post->bytes.size() >= 32) {
       Bytes& bytes = rebuilt_[tag("post")] = Bytes(post->bytes.begin(), post->bytes.begin() + 32);
       put_u32(bytes, 0, 0x00030000);  // without names
+    }
+  }
+
+  void rebuild_as_truetype(const GlyphOutlines& outlines) {
+    Bytes& maxp = rebuilt_[tag("maxp")];
+    maxp.assign(32, 0);
+    put_u32(maxp, 0, 0x00010000);
+    put_u16(maxp, 4, basics_.glyph_count);
+    put_u16(maxp, 14, 2);  // zones
+    std::vector<std::optional<Box>> boxes(outlines.size());
+    Bytes glyf;
+    std::vector<std::uint64_t> offsets{0};
+    for (const Glyph& glyph : font_.glyphs) {
+      const auto k = static_cast<std::size_t>(glyph.id);
+      if (!outlines[k].empty()) {
+        SimpleGlyph made;
+        made.ends.resize(outlines[k].size());
+        boxes[k] = list_points(glyph.id, outlines[k], made);
+        const Bytes bytes = sfnt::encode(made, *boxes[k]);
+        glyf.insert(glyf.end(), bytes.begin(), bytes.end());
+        glyf.resize((glyf.size() + 3) / 4 * 4);
+      }
+      offsets.push_back(glyf.size());
+    }
+    if (glyf.size() > max_font_size) fail(text("table glyf: more than ", max_font_size, " bytes"));
+    if (glyf.empty()) glyf.push_back(0);  // a table without bytes is refused
+    follow_new_boxes(std::move(boxes));
+    put_offsets(offsets, glyf.size() > short_limit);
+    rebuilt_[tag("glyf")] = std::move(glyf);
+    name_in_post();
+  }
+
+  void put_offsets(const std::vector<std::uint64_t>& offsets, bool is_long) {
+    Bytes& loca = rebuilt_[tag("loca")] = Bytes(offsets.size() * (is_long ? 4 : 2));
+    for (std::size_t i = 0; i < offsets.size(); ++i) {
+      if (is_long) {
+        put_u32(loca, 4 * i, static_cast<std::uint32_t>(offsets[i]));
+      } else {
+        put_u16(loca, 2 * i, static_cast<int>(offsets[i] / 2));
+      }
+    }
+    put_u16(rebuilt_[tag("head")], 50, is_long ? 1 : 0);
+  }
+
+  /// The names that were in CFF; glyphs of a CID-keyed font have none.
+  void name_in_post() {
+    const sfnt::TableRecord* post = directory_.find(tag("post"));
+    if (!post || post->bytes.size() < 32) return;
+    Bytes& bytes = rebuilt_[tag("post")] = Bytes(post->bytes.begin(), post->bytes.begin() + 32);
+    constexpr int standard_names = 258;
+    const bool is_cid_keyed = sfnt::CffTable(directory_.require(tag("CFF "), 4), basics_.units_per_em).is_cid_keyed();
+    const bool has_room = basics_.glyph_count <= 0xFFFF - standard_names;
+    has_names_ = !is_cid_keyed && has_room;
+    put_u32(bytes, 0, has_names_ ? 0x00020000 : 0x00030000);
+    if (!has_names_) return;
+    sfnt::append_u16(bytes, basics_.glyph_count);
+    for (int id = 0; id < basics_.glyph_count; ++id) sfnt::append_u16(bytes, standard_names + id);
+    for (const Glyph& glyph : font_.glyphs) {
+      constexpr std::size_t longest = 255;
+      const std::string name = glyph.name.substr(0, longest);
+      bytes.push_back(static_cast<unsigned char>(name.size()));
+      bytes.insert(bytes.end(), name.begin(), name.end());
     }
   }
 
@@ -775,11 +776,10 @@ class Writer {
     for (const Glyph& glyph : font_.glyphs) {
       const Glyph& back = read.glyphs[static_cast<std::size_t>(glyph.id)];
       if (!is_same_outline(back.contours, wanted_outline(glyph.id))) fail(glyph.id, "reads back with another outline");
-      if (back.advance != glyph.advance || (glyph.id > 0 && back.name != glyph.name)) {
+      if (back.advance != glyph.advance || (has_names_ && glyph.id > 0 && back.name != glyph.name)) {
         fail(glyph.id, text("reads back with the advance ", back.advance, " and the name ", back.name));
       }
     }
-    check_by_freetype();
   }
 
   // ---- what all outlines together say
@@ -876,24 +876,15 @@ class Writer {
     const View behind = is_whole ? old.glyf.subspan(old.offset(basics_.glyph_count)) : View(rest);
     glyf.insert(glyf.end(), behind.begin(), behind.end());
     if (glyf.empty()) glyf.push_back(0);  // a table without bytes is refused
-    constexpr std::uint64_t short_limit = 2 * 0xFFFF;
     const bool is_long = old.has_long_offsets || end > short_limit;
     if (glyf.size() > max_font_size) fail(text("table glyf: more than ", max_font_size, " bytes"));
-    Bytes loca(offsets.size() * (is_long ? 4 : 2));
-    for (std::size_t i = 0; i < offsets.size(); ++i) {
-      if (is_long) {
-        put_u32(loca, 4 * i, static_cast<std::uint32_t>(offsets[i]));
-      } else {
-        put_u16(loca, 2 * i, static_cast<int>(offsets[i] / 2));
-      }
-    }
+    put_offsets(offsets, is_long);
     if (is_long == old.has_long_offsets) {  // entries beyond the last glyph's
+      Bytes& loca = rebuilt_[tag("loca")];
       const View more = old.loca.subspan(loca.size());
       loca.insert(loca.end(), more.begin(), more.end());
     }
-    put_u16(rebuilt_[tag("head")], 50, is_long ? 1 : 0);
     rebuilt_[tag("glyf")] = std::move(glyf);
-    rebuilt_[tag("loca")] = std::move(loca);
   }
 
   /// What of the old table is no readable glyph's.
@@ -1068,7 +1059,8 @@ class Writer {
   std::vector<View> old_glyphs_;
   std::vector<bool> is_lost_;  // loca gives it no bytes; it comes out empty
   std::vector<std::optional<Bytes>> new_glyphs_;
-  EditedGlyphs snapped_;  // of CFF: as they are written
+  bool has_names_ = true;  // of a font converted: it says the names of its glyphs
+  EditedGlyphs snapped_;   // of CFF, and of a font converted: as they are written
   std::map<Tag, Bytes> rebuilt_;
   WrittenFont result_;
 };
@@ -1085,15 +1077,47 @@ WrittenFont write_sfnt(const Font& font, const EditedGlyphs& edited, const Write
   }
 }
 
-ConvertedFont convert_to_cff(const Font& font, Fractions fractions, const JobOptions& jobs,
-                             const EditedGlyphs& instead) {
+namespace {
+
+WrittenFont write_as(OutlineFormat to, const Font& font, const GlyphOutlines& outlines) {
   try {
-    return Writer(font, instead, {}).convert(fractions, jobs);
+    return Writer(font, {}, {}).write_as(to, outlines);
   } catch (const Malformed& error) {
     throw FontWriteError(text(font.path, ": ", error.what()));
   } catch (const FontReadError& error) {
     throw FontWriteError(error.what());
   }
+}
+
+Eigen::Index count_points(const std::vector<BezierContour>& outline) {
+  Eigen::Index points = 0;
+  for (const BezierContour& contour : outline) points += contour.point_count();
+  return points;
+}
+
+}  // namespace
+
+WrittenFont write_as_cff(const Font& font, const GlyphOutlines& outlines) {
+  return write_as(OutlineFormat::Cff, font, outlines);
+}
+
+WrittenFont write_as_truetype(const Font& font, const GlyphOutlines& outlines) {
+  return write_as(OutlineFormat::TrueType, font, outlines);
+}
+
+std::string why_no_charstring(const std::vector<BezierContour>& outline) {
+  const Eigen::Index points = count_points(outline);
+  if (points > most_drawn) return text("its ", points, " points are more than ", most_drawn);
+  constexpr std::size_t most_bytes = 65535;  // of sanitizers
+  constexpr Eigen::Index bytes_per_point = 11;
+  if (points < static_cast<Eigen::Index>(most_bytes) / bytes_per_point) return "";
+  const std::size_t bytes = sfnt::encode_charstring(outline, {}, 0.0).size();
+  return bytes <= most_bytes ? "" : text("its charstring has ", bytes, " bytes, more than ", most_bytes);
+}
+
+std::string why_no_truetype(const std::vector<BezierContour>& outline) {
+  const Eigen::Index points = count_points(outline);
+  return points <= most_drawn ? "" : text("its ", points, " points are more than ", most_drawn);
 }
 
 }  // namespace glyphs

@@ -67,35 +67,24 @@ struct WriteOptions {
 ///         limits, a result that does not read back. Names file and glyph.
 WrittenFont write_sfnt(const Font& font, const EditedGlyphs& edited, const WriteOptions& options = {});
 
-/// What becomes of coordinates that are no whole numbers.
-enum class Fractions { Round, Keep };
+/// Outlines of all glyphs, by id.
+using GlyphOutlines = std::vector<std::vector<fontcore::BezierContour>>;
 
-/// A font as another kind of file, and what became of its outlines.
-struct ConvertedFont {
-  WrittenFont font;
-  std::vector<int> flattened;  ///< composites that are outlines now; sorted
-  std::vector<int> emptied;    ///< glyphs in trouble, which have no outline to be converted; sorted
-  std::vector<double>
-      deviation;   ///< by glyph id: largest distance of the outlines, both ways, font units; may be empty
-  int worst = -1;  ///< glyph with the largest
-};
+/// A TrueType font as an OpenType font with CFF outlines of lines and cubics, in steps of 1/65536; or a CFF font as a
+/// TrueType font with outlines of lines and quadratics on whole numbers, composites none.
+///
+/// `glyf`, `loca` and what belongs to TrueType instructions go, or `CFF ` with its hints and `VORG`; the names of
+/// glyphs move between `CFF ` and `post`; `maxp`, `hmtx`, `vmtx`, `head`, `hhea` and `vhea` follow; every other table
+/// is copied byte for byte. Every outline stays at its origins. The result has been read again and compared before it
+/// is returned, charstrings by FreeType too.
+///
+/// Throws  FontWriteError: outlines of neither kind, variable, a table for which sanitizers refuse the font, a
+///         coordinate that does not fit, a result that does not read back. Names file and glyph.
+WrittenFont write_as_cff(const Font& font, const GlyphOutlines& outlines);
+WrittenFont write_as_truetype(const Font& font, const GlyphOutlines& outlines);
 
-/// A TrueType font as an OpenType font with CFF outlines: quadratics as the same curves in cubics, run the other way
-/// round (outer contours counter-clockwise, as PostScript has them) from the same starts, coordinates rounded to whole
-/// numbers or kept in steps of 1/65536.
-///
-/// `glyf`, `loca` and what belongs to TrueType instructions go; `CFF ` comes without hints; `maxp`, `post` (the names
-/// are in `CFF ` now), `hmtx`, `vmtx`, `head`, `hhea` and `vhea` follow; every other table is copied byte for byte.
-/// Every outline stays at its origins. Contours of one point, which draw nothing, are left out. The result has been
-/// read again and compared before it is returned, charstrings by FreeType too.
-///
-/// A glyph in trouble comes out empty, and is named. Glyphs that are given instead, as `compose` gives them, may be of
-/// lines, quadratics and cubics; the deviation is then theirs too.
-///
-/// Throws  FontWriteError: no TrueType outlines, variable, a table for which sanitizers refuse the font, a coordinate
-/// that does not fit in 16 bits, a result that does
-///         not read back. Names file and glyph.
-ConvertedFont convert_to_cff(const Font& font, Fractions fractions = Fractions::Round, const JobOptions& jobs = {},
-                             const EditedGlyphs& instead = {});
+/// Why an outline would be none that readers of charstrings, or of `glyf`, take; empty if they do.
+std::string why_no_charstring(const std::vector<fontcore::BezierContour>& outline);
+std::string why_no_truetype(const std::vector<fontcore::BezierContour>& outline);
 
 }  // namespace glyphs

@@ -6,6 +6,7 @@
 
 #include "fontcore/crossing.h"
 #include "fontcore/measure.h"
+#include "glyphs/convert.h"
 #include "glyphs/error.h"
 
 namespace glyphs {
@@ -191,8 +192,7 @@ SimplifyResult simplify(const Font& font, const SimplifyOptions& options) {
     edited.emplace(selected[k], std::move(outlines[k]));
   }
   if (is_flat) {
-    ConvertedFont converted = convert_to_cff(font, Fractions::Round, options.jobs, edited);
-    result.font = std::move(converted.font);
+    result.font = convert_outlines(font, {.jobs = options.jobs}, edited).font;
   } else {
     result.font = write_font(font, edited, writing);
   }

@@ -80,7 +80,6 @@ struct Options {
   commands::SimplifyRequest simplify;
   commands::ConvertRequest convert;
   commands::ProofRequest proof;
-  double tolerance = 0.0;
 };
 
 /// One subcommand: its name and words, its own options, what it does.
@@ -141,16 +140,17 @@ constexpr std::array<Command, 7> table{{
     {"area", "areas of glyphs: area measure FONT",
      [](CLI::App& app, Options& options) { add_output(app, options, "the baseline, JSON"); },
      [](const Options& options) { return commands::measure_area(options.request, options.output); }},
-    {"convert", "a font as another kind of file: TrueType as OpenType, either as a UFO, one glyph as an SVG",
+    {"convert", "a font as another kind of file: TrueType as OpenType and back, either as a UFO, one glyph as an SVG",
      [](CLI::App& app, Options& options) {
        app.add_option("OUT", options.convert.output, "the new file, .otf, .ttf, .ufo or .svg")->required();
        app.add_flag("--fractional", options.convert.fractional,
                     "keep fractions of coordinates, in steps of 1/65536, where quadratics become cubics");
        app.add_flag("--strict", options.convert.strict, "any glyph that cannot be read: exit status 1 and no output");
-       app.add_option("--tolerance", options.tolerance)->group("");
+       app.add_option("--tolerance", options.convert.tolerance,
+                      "two-sided distance allowed where the kind of curve changes, thousandths of the em; 1 unless "
+                      "given, with --fractional 0; 0: the same curves, quadratics to cubics only");
      },
      [](const Options& options) {
-       if (options.tolerance != 0.0) refuse("convert --tolerance");
        return commands::convert(options.request, options.convert);
      }},
     {"proof", "a picture of set text or of single glyphs, before and after overlaid",

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "glyphs/convert.h"
 #include "glyphs/error.h"
 #include "glyphs/font_file.h"
 #include "glyphs/inspect.h"
@@ -402,6 +403,7 @@ Outcome convert(const Request& request, const ConvertRequest& convert) {
   const Font font = load(request);
   glyphs::ConvertOptions options{.jobs = request.jobs};
   if (convert.fractional) options.fractions = glyphs::Fractions::Keep;
+  options.tolerance = convert.tolerance.value_or(convert.fractional ? 0.0 : options.tolerance);
   if (kind == FileKind::Svg)
     options.glyphs = selected(request, font);
   else if (request.text || !request.glyphs.empty())
@@ -424,11 +426,14 @@ Outcome convert(const Request& request, const ConvertRequest& convert) {
                                 {"glyphs", font.glyphs.size()},
                                 {"deviation", deviation},
                                 {"worst", has_deviation ? nlohmann::ordered_json(worst) : nullptr},
+                                {"segments_before", converted.segments_before},
+                                {"segments_after", converted.segments_after},
                                 {"flattened", names(font, converted.flattened)},
                                 {"emptied", names(font, converted.emptied)},
                                 {"changed_tables", converted.font.changed_tables},
                                 {"dropped_tables", converted.font.dropped_tables},
                                 {"dropped_instructions", names(font, converted.font.dropped_instructions)},
+                                {"dropped_hints", names(font, converted.font.dropped_hints)},
                                 {"warnings", converted.font.warnings}};
     return {json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n", "", 0};
   }
@@ -436,7 +441,7 @@ Outcome convert(const Request& request, const ConvertRequest& convert) {
   std::string out;
   if (has_deviation)
     out += text("largest deviation: ", rounded(deviation, 3), " of ", font.units_per_em, " units per em, in ", worst,
-                "\n");
+                "; segments: ", converted.segments_before, " before, ", converted.segments_after, " after\n");
   if (!converted.flattened.empty()) out += "composites flattened: " + few(names(font, converted.flattened)) + "\n";
   if (!converted.font.dropped_instructions.empty())
     out += text("instructions dropped from ", count(converted.font.dropped_instructions.size(), "glyph"), "\n");

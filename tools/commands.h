@@ -61,7 +61,8 @@ Outcome simplify(const Request& request, const SimplifyRequest& simplify);
 
 struct ConvertRequest {
   std::string output;
-  bool fractional = false;  ///< coordinates keep their fractions
+  bool fractional = false;          ///< coordinates keep their fractions
+  std::optional<double> tolerance;  ///< thousandths of the em; none: 1, or 0 if coordinates keep their fractions
   bool strict = false;
 };
 Outcome convert(const Request& request, const ConvertRequest& convert);

@@ -1,0 +1,220 @@
+#include "glyphs/convert.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "fontcore/compact.h"
+#include "fontcore/crossing.h"
+#include "fontcore/degree.h"
+#include "fontcore/measure.h"
+#include "glyphs/error.h"
+#include "glyphs/sfnt_cff.h"
+#include "glyphs/sfnt_writer.h"
+#include "glyphs/xml.h"
+
+namespace glyphs {
+
+namespace {
+
+using fontcore::BezierContour;
+using fontcore::CurveKind;
+using fontcore::PointKind;
+using fontcore::text;
+using Contours = std::vector<BezierContour>;
+
+int segment_count(const Contours& contours) {
+  int count = 0;
+  for (const BezierContour& contour : contours) count += contour.segment_count();
+  return count;
+}
+
+/// Outlines of one font as curves of one kind.
+class OutlineConverter {
+ public:
+  OutlineConverter(const Font& font, const ConvertOptions& options)
+      : tolerance_(options.tolerance * font.units_per_em / 1000.0),
+        curve_(font.format == OutlineFormat::TrueType ? CurveKind::Cubic : CurveKind::Quadratic),
+        is_whole_(options.fractions == Fractions::Round) {
+    compact_.tolerance = tolerance_;
+    compact_.units_per_em = font.units_per_em;
+    compact_.curve = curve_;
+    compact_.coordinates = is_whole_ ? fontcore::Coordinates::Whole : fontcore::Coordinates::Any;
+  }
+
+  /// Still in their own direction.
+  Contours convert(const Contours& before) const {
+    if (tolerance_ == 0.0) return one_by_one(before);
+    Contours after;
+    for (const BezierContour& contour : before) {
+      fontcore::CompactFit fit = fit_compact(contour, compact_);
+      after.push_back(fit.why.empty() && is_of_kind(fit.contour) ? std::move(fit.contour) : one_by_one(contour));
+    }
+    if (added_crossings(find_crossings(before), find_crossings(after)) == 0) return after;
+    return one_by_one(before);
+  }
+
+ private:
+  bool is_of_kind(const BezierContour& contour) const {
+    const PointKind other = curve_ == CurveKind::Cubic ? PointKind::Quadratic : PointKind::Cubic;
+    for (int i = 0; i < contour.point_count(); ++i) {
+      if (contour.kind(i) == other) return false;
+      const bool is_stored = contour.kind(i) != PointKind::ImpliedNode || curve_ == CurveKind::Cubic;
+      if (is_whole_ && is_stored && contour.point(i) != fontcore::Point(contour.point(i).array().floor())) return false;
+    }
+    return true;
+  }
+  BezierContour one_by_one(const BezierContour& contour) const {
+    if (curve_ == CurveKind::Quadratic) {
+      constexpr double share = 0.5;  // the rest is for rounding
+      return lowered_to_quadratics(contour, share * tolerance_, is_whole_);
+    }
+    const BezierContour raised = raised_to_cubics(contour);
+    return is_whole_ ? raised.with_points((raised.points().array() + 0.5).floor()) : raised;
+  }
+  Contours one_by_one(const Contours& contours) const {
+    Contours result;
+    for (const BezierContour& contour : contours) result.push_back(one_by_one(contour));
+    return result;
+  }
+
+  double tolerance_;
+  CurveKind curve_;
+  bool is_whole_;
+  fontcore::CompactOptions compact_;
+};
+
+/// Largest distance of the same places of two contours of as many segments: never less than between the curves.
+double same_places(const BezierContour& a, const BezierContour& b) {
+  constexpr int samples = 16;  // of a segment
+  double largest = 0.0;
+  for (int s = 0; s < a.segment_count(); ++s) {
+    const fontcore::Bezier one = a.segment(s);
+    const fontcore::Bezier other = b.segment(s);
+    for (int k = 0; k < samples; ++k) {
+      const double u = static_cast<double>(k) / samples;
+      largest = std::max(largest, (evaluate(one, u) - evaluate(other, u)).norm());
+    }
+  }
+  return largest;
+}
+
+double deviation(const Contours& before, const Contours& after) {
+  constexpr double accuracy = 0.005;  // font units
+  double largest = 0.0;
+  for (std::size_t c = 0; c < before.size(); ++c) {
+    const bool has_same_count = before[c].segment_count() == after[c].segment_count();
+    const double same = has_same_count ? same_places(before[c], after[c]) : std::numeric_limits<double>::infinity();
+    largest =
+        std::max(largest, same <= accuracy ? same : std::min(same, farthest(before[c], after[c], accuracy).distance));
+  }
+  return largest;
+}
+
+// ---- one glyph as a picture that drawing programs edit
+
+/// The outline as it is drawn, y down, in font units: from the ascender to the descender, as wide as the advance.
+std::string outline_picture(const Font& font, int glyph) {
+  std::string path;
+  const auto place = [](const fontcore::Point& p) { return xml::number_text(p.x()) + ' ' + xml::number_text(-p.y()); };
+  for (const fontcore::BezierContour& contour : compose(font, glyph)) {
+    if (!path.empty()) path += ' ';
+    path += 'M' + place(contour.point(contour.node(0)));
+    for (int s = 0; s < contour.segment_count(); ++s) {
+      const fontcore::Bezier part = contour.segment(s);
+      if (part.degree == 1 && s + 1 == contour.segment_count()) break;  // drawn by Z
+      path += part.degree == 1 ? 'L' : part.degree == 2 ? 'Q' : 'C';
+      for (int k = 1; k <= part.degree; ++k) path += (k > 1 ? " " : "") + place(part.p[static_cast<std::size_t>(k)]);
+    }
+    path += 'Z';
+  }
+  const Glyph& drawn = font.glyphs.at(static_cast<std::size_t>(glyph));
+  return "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 " + xml::number_text(-font.ascender) + ' ' +
+         xml::number_text(std::max(1.0, drawn.advance)) + ' ' +
+         xml::number_text(std::max(1.0, font.ascender - font.descender)) + "\">\n<path d=\"" + path + "\"/>\n</svg>\n";
+}
+
+}  // namespace
+
+ConvertedFont convert_outlines(const Font& font, const ConvertOptions& options, const EditedGlyphs& instead) {
+  const bool to_cff = font.format == OutlineFormat::TrueType;
+  if (!to_cff && font.format != OutlineFormat::Cff) {
+    throw RequestError(font.path + ": has neither TrueType nor CFF outlines to be converted");
+  }
+  if (!(options.tolerance >= 0.0) || !std::isfinite(options.tolerance)) {
+    throw RequestError(text(font.path, ": the tolerance is ", options.tolerance));
+  }
+  if (!to_cff && options.tolerance == 0.0) {
+    throw RequestError(font.path + ": cubics become quadratics within a tolerance, which is 0");
+  }
+  if (!to_cff && options.fractions == Fractions::Keep) {
+    throw RequestError(font.path + ": TrueType has whole numbers only, no --fractional");
+  }
+  ConvertedFont converted;
+  const std::size_t count = font.glyphs.size();
+  converted.deviation.resize(count);
+  std::vector<Contours> outlines(count);
+  std::vector<std::string> troubles(count);
+  std::vector<int> before_counts(count);
+  const OutlineConverter converter(font, options);
+  run_jobs(static_cast<int>(count), options.jobs, [&](int id) {
+    const auto k = static_cast<std::size_t>(id);
+    const Glyph& glyph = font.glyphs[k];
+    troubles[k] = glyph.trouble;
+    if (!troubles[k].empty()) return;
+    const auto given = instead.find(id);
+    Contours before = compose(font, id);
+    std::erase_if(before, [](const BezierContour& contour) { return contour.point_count() < 2; });
+    before_counts[k] = segment_count(before);
+    Contours after = given == instead.end() ? converter.convert(before) : given->second;
+    if (to_cff) after = sfnt::snap(after);
+    converted.deviation[k] = deviation(before, after);
+    for (BezierContour& contour : after) contour = reverse(contour);
+    troubles[k] = to_cff ? why_no_charstring(after) : why_no_truetype(after);
+    if (troubles[k].empty()) outlines[k] = std::move(after);
+  });
+  converted.worst = static_cast<int>(std::ranges::max_element(converted.deviation) - converted.deviation.begin());
+  std::vector<std::string> warnings;
+  for (const Glyph& glyph : font.glyphs) {
+    const auto k = static_cast<std::size_t>(glyph.id);
+    converted.segments_before += before_counts[k];
+    converted.segments_after += segment_count(outlines[k]);
+    if (glyph.is_composite()) converted.flattened.push_back(glyph.id);
+    if (troubles[k].empty()) continue;
+    converted.emptied.push_back(glyph.id);
+    converted.deviation[k] = 0.0;
+    warnings.push_back(text(glyph.name, ": comes out empty: ", troubles[k]));
+  }
+  converted.font = to_cff ? write_as_cff(font, outlines) : write_as_truetype(font, outlines);
+  converted.font.warnings.insert(converted.font.warnings.begin(), warnings.begin(), warnings.end());
+  return converted;
+}
+
+ConvertedFont convert_font(const Font& font, FileKind kind, const ConvertOptions& options) {
+  ConvertedFont result;
+  if (kind == FileKind::Svg) {
+    if (options.glyphs.size() != 1) {
+      throw RequestError(text(font.path, ": an SVG is of one glyph; ", options.glyphs.size(), " are selected"));
+    }
+    const std::string picture = outline_picture(font, options.glyphs.front());
+    result.font.data = {picture.begin(), picture.end()};
+    return result;
+  }
+  const FileKind own = kind_of(font);
+  if (kind == own) {
+    result.font = write_font(font, {}, {.is_checked = true});
+    for (const auto& [id, why] : result.font.emptied) result.emptied.push_back(id);
+  } else if (own == FileKind::Ufo) {
+    throw RequestError(
+        text(font.path, ": a UFO is compiled by fontmake: fontmake -u ", font.path, " -o ", ending_of(kind) + 1));
+  } else if (kind == FileKind::Ufo) {
+    result.font = extract_ufo(font);
+  } else if (font.format == OutlineFormat::None) {
+    throw RequestError(text(font.path, ": has no outlines to be converted to ", ending_of(kind)));
+  } else {
+    result = convert_outlines(font, options);
+  }
+  return result;
+}
+
+}  // namespace glyphs
