@@ -15,8 +15,8 @@ namespace fontcore {
 
 namespace {
 
-constexpr const char* axis_word[2] = {"vertical",
-                                      "horizontal"};  // of the line along which coordinate 0 or 1 is constant
+constexpr const char* axis_word[2] = {" stays vertical",
+                                      " stays horizontal"};  // of the line along which coordinate 0 or 1 is constant
 
 int variable(int point, int axis) { return 2 * point + axis; }
 
@@ -35,14 +35,20 @@ std::string leaning(const Frame& frame) {
   return frame.italic_angle == 0.0 ? "" : text(" at the italic angle of ", frame.italic_angle * degrees, " degrees");
 }
 
+// The name of what keeps a coordinate of the frame.
+RowName name_along(const char* before, int point, const char* after, int axis, const Frame& frame) {
+  if (axis == 1 || frame.italic_angle == 0.0) return RowName::of(before, point, after);
+  return text(before, point, after, leaning(frame));
+}
+
 // Points p and q keep the difference of a coordinate of the frame.
-Row equal(std::string name, int p, int q, int axis, double slope = 0.0) {
-  Row row{std::move(name), {{variable(p, axis), 1.0}, {variable(q, axis), -1.0}}, 0.0};
+void add_equal(Rows& all, const RowName& name, int p, int q, int axis, double slope = 0.0) {
+  Row& row = all.emplace_back(name);
+  row.terms = {{variable(p, axis), 1.0}, {variable(q, axis), -1.0}};
   if (axis == 0 && slope != 0.0) {
     row.terms.push_back({variable(p, 1), -slope});
     row.terms.push_back({variable(q, 1), slope});
   }
-  return row;
 }
 
 void require_point(const char* rule, int point, Eigen::Index count) {
@@ -114,20 +120,54 @@ double join_ratio(const BezierContour& contour, const Join& join) {
   return a / (a + b);
 }
 
-Rows between(const BezierContour& contour, const Join& join, const std::string& name, bool close) {
+void add_between(Rows& all, const BezierContour& contour, const Join& join, const RowName& name, bool close) {
   const double m = join_ratio(contour, join);
   const Point offset = close ? Point((1.0 - m) * contour.point(join.before_point) +
                                      m * contour.point(join.after_point) - contour.point(join.node))
                              : Point::Zero();
-  Rows result;
   for (int axis = 0; axis < 2; ++axis) {
-    result.push_back({name,
-                      {{variable(join.node, axis), 1.0},
-                       {variable(join.before_point, axis), m - 1.0},
-                       {variable(join.after_point, axis), -m}},
-                      offset[axis]});
+    Row& row = all.emplace_back(name);
+    row.terms = {{variable(join.node, axis), 1.0},
+                 {variable(join.before_point, axis), m - 1.0},
+                 {variable(join.after_point, axis), -m}};
+    row.value = offset[axis];
   }
-  return result;
+}
+
+void add_smooth_join(Rows& all, const BezierContour& contour, const Join& join, bool close) {
+  add_between(all, contour, join, RowName::of("join at point ", join.node, " stays smooth"), close);
+}
+
+void add_node_on_line(Rows& all, const BezierContour& contour, const Join& join) {
+  add_between(all, contour, join, RowName::of("point ", join.node, " stays on its line"), false);
+}
+
+// Whether the line is one along an axis.
+bool add_axis_line(Rows& all, const BezierContour& contour, int segment, const Frame& frame, double slope) {
+  const int a = contour.point_of(segment, 0);
+  const int b = contour.point_of(segment, 1);
+  const int axis = constant_axis(contour.point(b) - contour.point(a), slope);
+  if (axis < 0) return false;
+  add_equal(all, name_along("line from point ", a, axis_word[axis], axis, frame), a, b, axis, slope);
+  return true;
+}
+
+void add_extremum(Rows& all, const BezierContour& contour, const Join& join, const Frame& frame, double slope) {
+  const int axis = constant_axis(contour.point(join.after_point) - contour.point(join.before_point), slope);
+  if (axis < 0) return;
+  const RowName name = name_along("point ", join.node, " stays an extremum", axis, frame);
+  add_equal(all, name, join.before_point, join.after_point, axis, slope);
+  add_equal(all, name, join.node, join.after_point, axis, slope);
+}
+
+void add_zone(Rows& all, const BezierContour& contour, int node) {
+  Row& row = all.emplace_back(RowName::of("point ", node, " stays at zone y = ", contour.points()(node, 1)));
+  row.terms = {{variable(node, 1), 1.0}};
+}
+
+void add_coincident(Rows& all, int first, int second) {
+  const RowName name = RowName::of("points ", first, " and ", second, " stay together");
+  for (int axis = 0; axis < 2; ++axis) add_equal(all, name, first, second, axis);
 }
 
 constexpr double straight_angle = 1e-3;  // radians
@@ -151,10 +191,10 @@ Row row_of(std::string name, std::initializer_list<Part> parts, double value) {
   }
   Row row{std::move(name), {}, value};
   for (const auto& [at, coefficient] : terms) {
-    if (!std::isfinite(coefficient)) throw InvalidInput(text(row.name, ": a weight is ", coefficient));
+    if (!std::isfinite(coefficient)) throw InvalidInput(text(row.name.str(), ": a weight is ", coefficient));
     if (coefficient != 0.0) row.terms.push_back({at, coefficient});
   }
-  if (!std::isfinite(value)) throw InvalidInput(text(row.name, ": the row asks for ", value));
+  if (!std::isfinite(value)) throw InvalidInput(text(row.name.str(), ": the row asks for ", value));
   return row;
 }
 
@@ -175,33 +215,41 @@ Rows on_chord(const std::string& name, const WeightedSum& place, const WeightedS
 
 }  // namespace
 
+std::string RowName::str() const {
+  if (text_) return *text_;
+  std::string whole;
+  const auto append = [&]<typename Any>(const Any& any) {
+    if constexpr (!std::same_as<Any, std::monostate>) append_fact(whole, any);
+  };
+  for (const Fact& fact : facts_) std::visit(append, fact);
+  return whole;
+}
+
 Rows rows(const BezierContour& contour, const FrozenPoint& rule) {
   require_point("rows(FrozenPoint)", rule.point, contour.point_count());
-  const std::string name = text("point ", rule.point, " is frozen");
+  const RowName name = RowName::of("point ", rule.point, " is frozen");
   return {{name, {{variable(rule.point, 0), 1.0}}, 0.0}, {name, {{variable(rule.point, 1), 1.0}}, 0.0}};
 }
 
 Rows rows(const BezierContour& contour, const SmoothJoin& rule) {
   require_segment("rows(SmoothJoin)", contour, rule.segment);
-  const Join join = join_at(contour, rule.segment);
-  return between(contour, join, text("join at point ", join.node, " stays smooth"), rule.close);
+  Rows result;
+  add_smooth_join(result, contour, join_at(contour, rule.segment), rule.close);
+  return result;
 }
 
 Rows rows(const BezierContour& contour, const NodeOnLine& rule) {
   require_segment("rows(NodeOnLine)", contour, rule.segment);
-  const Join join = join_at(contour, rule.segment);
-  return between(contour, join, text("point ", join.node, " stays on its line"), false);
+  Rows result;
+  add_node_on_line(result, contour, join_at(contour, rule.segment));
+  return result;
 }
 
 Rows rows(const BezierContour& contour, const AxisLine& rule) {
   require_segment("rows(AxisLine)", contour, rule.segment);
-  const double slope = lean("rows(AxisLine)", rule.frame);
-  const int a = contour.point_of(rule.segment, 0);
-  const int b = contour.point_of(rule.segment, 1);
-  const int axis = constant_axis(contour.point(b) - contour.point(a), slope);
-  if (axis < 0) return {};
-  const std::string name = text("line from point ", a, " stays ", axis_word[axis]);
-  return {equal(axis == 0 ? name + leaning(rule.frame) : name, a, b, axis, slope)};
+  Rows result;
+  add_axis_line(result, contour, rule.segment, rule.frame, lean("rows(AxisLine)", rule.frame));
+  return result;
 }
 
 Rows rows(const BezierContour& contour, const SlantedLine& rule) {
@@ -215,20 +263,16 @@ Rows rows(const BezierContour& contour, const SlantedLine& rule) {
 
 Rows rows(const BezierContour& contour, const Extremum& rule) {
   require_segment("rows(Extremum)", contour, rule.segment);
-  const double slope = lean("rows(Extremum)", rule.frame);
-  const Join join = join_at(contour, rule.segment);
-  const int axis = constant_axis(contour.point(join.after_point) - contour.point(join.before_point), slope);
-  if (axis < 0) return {};
-  std::string name = text("point ", join.node, " stays an extremum");
-  if (axis == 0) name += leaning(rule.frame);
-  return {equal(name, join.before_point, join.after_point, axis, slope),
-          equal(name, join.node, join.after_point, axis, slope)};
+  Rows result;
+  add_extremum(result, contour, join_at(contour, rule.segment), rule.frame, lean("rows(Extremum)", rule.frame));
+  return result;
 }
 
 Rows rows(const BezierContour& contour, const Zone& rule) {
   require_segment("rows(Zone)", contour, rule.segment);
-  const int p = contour.node(rule.segment);
-  return {{text("point ", p, " stays at zone y = ", contour.points()(p, 1)), {{variable(p, 1), 1.0}}, 0.0}};
+  Rows result;
+  add_zone(result, contour, contour.node(rule.segment));
+  return result;
 }
 
 Rows rows(const BezierContour& contour, const Position& rule) {
@@ -252,8 +296,9 @@ Rows rows(const BezierContour& contour, const Position& rule) {
 Rows rows(const BezierContour& contour, const Coincident& rule) {
   require_point("rows(Coincident)", rule.first, contour.point_count());
   require_point("rows(Coincident)", rule.second, contour.point_count());
-  const std::string name = text("points ", rule.first, " and ", rule.second, " stay together");
-  return {equal(name, rule.first, rule.second, 0), equal(name, rule.first, rule.second, 1)};
+  Rows result;
+  add_coincident(result, rule.first, rule.second);
+  return result;
 }
 
 Rows rows(const BezierContour& contour, const CornerTangents& rule) {
@@ -272,8 +317,10 @@ Rows rows(const BezierContour& contour, const CornerTangents& rule) {
 Rows rows(const CornerPair& rule) {
   require_point("rows(CornerPair)", rule.first, rule.size);
   const int next = (rule.first + 1) % rule.size;
-  const std::string name = text("control points ", rule.first, " and ", next, " stay a corner");
-  return {equal(name, rule.first, next, 0), equal(name, rule.first, next, 1)};
+  const RowName name = RowName::of("control points ", rule.first, " and ", next, " stay a corner");
+  Rows result;
+  for (int axis = 0; axis < 2; ++axis) add_equal(result, name, rule.first, next, axis);
+  return result;
 }
 
 bool OutlineRules::marks_corner(int point) const {
@@ -281,46 +328,42 @@ bool OutlineRules::marks_corner(int point) const {
 }
 
 Rows outline_rows(const BezierContour& contour, const OutlineRules& rules) {
+  const double slope = lean("outline_rows", rules.frame);
   const std::vector<double> turns = turning_angles(contour);
-  Rows all;
-  std::vector<int> solid;
-  for (int s = 0; s < contour.segment_count(); ++s) {
-    if (!is_degenerate(contour.segment(s))) solid.push_back(s);
-  }
   const int n = static_cast<int>(contour.point_count());
+  Rows all;
+  std::vector<std::pair<int, Join>> solid;  // segments that have a direction, and the joins that they start at
+  for (int s = 0; s < contour.segment_count(); ++s) {
+    if (!is_degenerate(contour.segment(s))) solid.emplace_back(s, join_at(contour, s));
+  }
   for (int i = 0; i < n; ++i) {
     const int next = (i + 1) % n;
-    if (next != i && contour.point(i) == contour.point(next)) append(all, rows(contour, Coincident{i, next}));
+    if (next != i && contour.point(i) == contour.point(next)) add_coincident(all, i, next);
   }
   if (solid.empty()) return all;
-  for (const int s : solid) {
-    if (contour.kind(contour.node(s)) == PointKind::ImpliedNode) append(all, rows(contour, SmoothJoin{s}));
+  for (const auto& [s, join] : solid) {
+    if (contour.kind(join.node) == PointKind::ImpliedNode) add_smooth_join(all, contour, join, false);
   }
   if (rules.lines) {
-    for (const int s : solid) {
-      if (contour.degree(s) != 1) continue;
-      Rows line = rows(contour, AxisLine{s, rules.frame});
-      append(all, line.empty() && rules.slants ? rows(contour, SlantedLine{s}) : std::move(line));
+    for (const auto& [s, join] : solid) {
+      if (contour.degree(s) != 1 || add_axis_line(all, contour, s, rules.frame, slope)) continue;
+      if (rules.slants) append(all, rows(contour, SlantedLine{s}));
     }
   }
-  for (const int s : solid) {
-    const Join join = join_at(contour, s);
-    if (std::abs(turns[static_cast<std::size_t>(s)]) > rules.corner_angle || rules.marks_corner(join.node)) continue;
-    const bool line_before = contour.degree(join.before_segment) == 1;
-    const bool line_after = contour.degree(s) == 1;
-    if (line_before && line_after) {
+  for (const auto& [s, join] : solid) {
+    const double turn = std::abs(turns[static_cast<std::size_t>(s)]);
+    if (turn > rules.corner_angle || rules.marks_corner(join.node)) continue;
+    if (contour.degree(join.before_segment) == 1 && contour.degree(s) == 1) {
       // A longer straight run; one that is not quite straight is carried along, no further bent.
-      if (rules.lines && std::abs(turns[static_cast<std::size_t>(s)]) < smooth_angle)
-        append(all, rows(contour, NodeOnLine{s}));
+      if (rules.lines && turn < smooth_angle) add_node_on_line(all, contour, join);
       continue;
     }
     const bool close = std::find(rules.closed_joins.begin(), rules.closed_joins.end(), s) != rules.closed_joins.end();
     const bool implied = contour.kind(join.node) == PointKind::ImpliedNode;
-    if (rules.smooth_joins && !implied) append(all, rows(contour, SmoothJoin{s, close}));
-    if (rules.extrema) append(all, rows(contour, Extremum{s, rules.frame}));
+    if (rules.smooth_joins && !implied) add_smooth_join(all, contour, join, close);
+    if (rules.extrema) add_extremum(all, contour, join, rules.frame, slope);
   }
-  for (const int s : solid) {
-    const Join join = join_at(contour, s);
+  for (const auto& [s, join] : solid) {
     const double height = contour.points()(join.node, 1);
     const bool at_zone =
         std::any_of(rules.zones.begin(), rules.zones.end(), [&](double z) { return std::abs(z - height) < 1e-9; });
@@ -328,7 +371,7 @@ Rows outline_rows(const BezierContour& contour, const OutlineRules& rules) {
     const double before = contour.points()(join.before_point, 1) - height;
     const double after = contour.points()(join.after_point, 1) - height;
     if (at_zone && (before * after > 0.0 || std::min(std::abs(before), std::abs(after)) < 1e-9))
-      append(all, rows(contour, Zone{s}));
+      add_zone(all, contour, join.node);
   }
   return all;
 }
@@ -532,7 +575,7 @@ Rows rows(const StraightRun& rule) {
 Rows rows(const Stationary& rule) {
   if (rule.axis != 0 && rule.axis != 1) throw InvalidInput(text("rows(Stationary): axis ", rule.axis, " of 0 or 1"));
   const Point along = rule.axis == 0 ? Point(1.0, -lean("rows(Stationary)", rule.frame)) : Point(Point::UnitY());
-  std::string name = text(rule.derivative.name, " stays ", axis_word[rule.axis]);
+  std::string name = rule.derivative.name + axis_word[rule.axis];
   if (rule.axis == 0) name += leaning(rule.frame);
   return {row_of(name + ", an extremum", {{rule.derivative, along}}, -along.dot(rule.derivative.value))};
 }
@@ -990,7 +1033,7 @@ Rows at_level(const Rows& fine, Scheme scheme, Eigen::Index size, int levels, De
     for (std::size_t r = begin; r < end; ++r) {
       for (const auto& [at, coefficient] : fine[r].terms) {
         if (at < 0 || at >= 2 * size)
-          throw InvalidInput(text("at_level: ", fine[r].name, ": variable ", at, " of ", 2 * size));
+          throw InvalidInput(text("at_level: ", fine[r].name.str(), ": variable ", at, " of ", 2 * size));
         weights(at / 2, static_cast<Eigen::Index>(2 * (r - begin)) + at % 2) += coefficient;
       }
     }

@@ -2,27 +2,55 @@
 
 #include <array>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "fontcore/contour.h"
+#include "fontcore/inline_vector.h"
 #include "fontcore/measure.h"
 #include "fontcore/outline_curve.h"
 #include "fontcore/wavelet.h"
 
 namespace fontcore {
 
+/// What must hold, in words a designer knows.
+///
+/// Rows are named by the hundred and few names are ever read: one may be its facts only, put together when it is.
+class RowName {
+ public:
+  RowName() = default;
+  RowName(std::string text) : text_(std::make_shared<const std::string>(std::move(text))) {}
+  RowName(const char* text) : facts_{text} {}
+  /// Of string literals and numbers.
+  template <typename... Facts>
+  static RowName of(const Facts&... facts) {
+    RowName name;
+    name.facts_ = {facts...};
+    return name;
+  }
+  std::string str() const;
+
+  friend bool operator==(const RowName& a, const RowName& b) { return a.str() == b.str(); }
+
+ private:
+  using Fact = std::variant<std::monostate, const char*, int, double>;
+  std::array<Fact, 5> facts_{};              // literals live as long as the program
+  std::shared_ptr<const std::string> text_;  // instead of them
+};
+
 /// One linear equation on displacements: the sum of coefficient * displacement[2 * point + axis] is `value`.
 ///
-/// `name` says what must hold, in words a designer knows; it is what a report or a contradiction shows.
+/// `name` is what a report or a contradiction shows.
 struct Row {
   struct Term {
     int variable = 0;  ///< 2 * point + axis, axis 0 for x and 1 for y
     double coefficient = 0.0;
   };
-  std::string name;
-  std::vector<Term> terms;
+  RowName name;
+  InlineVector<Term, 4> terms;
   double value = 0.0;
 };
 using Rows = std::vector<Row>;

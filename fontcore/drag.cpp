@@ -429,7 +429,7 @@ Row DragSolver::State::in_subspace(const Row& row) const {
   Row reduced{row.name, {}, row.value};
   for (const auto& [variable, coefficient] : row.terms) {
     if (variable < 0 || variable >= 2 * size() || !std::isfinite(coefficient)) {
-      throw InvalidInput(text("DragSolver: ", row.name, ": variable ", variable, " of ", 2 * size(),
+      throw InvalidInput(text("DragSolver: ", row.name.str(), ": variable ", variable, " of ", 2 * size(),
                               " control points' axes, ", "coefficient ", coefficient));
     }
     for (SparseRows::InnerIterator entry(S, variable / 2); entry; ++entry) {
@@ -450,7 +450,7 @@ void DragSolver::State::begin_rows(const Rows& rules, MatrixXd& fixed) {
   row_values.resize(static_cast<Index>(rules.size()));
   for (std::size_t r = 0; r < rules.size(); ++r) {
     const Row row = in_subspace(rules[r]);
-    if (!std::isfinite(row.value)) throw InvalidInput(text("DragSolver: ", row.name, ": value ", row.value));
+    if (!std::isfinite(row.value)) throw InvalidInput(text("DragSolver: ", row.name.str(), ": value ", row.value));
     row_values[static_cast<Index>(r)] = row.value;
     for (const auto& term : rules[r].terms)
       entries.emplace_back(static_cast<Index>(r), term.variable, term.coefficient);

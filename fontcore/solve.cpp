@@ -20,9 +20,9 @@ constexpr double area_tolerance = 1e-13;         // relative
 }  // namespace
 
 void RowElimination::add_to(Sum& sum, int key, double value) {
-  const auto at = std::ranges::lower_bound(sum, key, {}, &Sum::value_type::first);
-  if (at != sum.end() && at->first == key) {
-    at->second += value;
+  auto* const at = std::ranges::lower_bound(sum, key, {}, &Term::key);
+  if (at != sum.end() && at->key == key) {
+    at->value += value;
   } else {
     sum.insert(at, {key, value});
   }
@@ -37,7 +37,7 @@ const RowElimination::Expression* RowElimination::expression_of(int variable) co
   return index < 0 ? nullptr : &expressions_[static_cast<std::size_t>(index)];
 }
 
-RowElimination::Outcome RowElimination::add(const Row& row) {
+RowElimination::Outcome RowElimination::add(Row row) {
   const int id = static_cast<int>(rows_.size());
   Expression reduced;
   reduced.constant = row.value;
@@ -54,18 +54,19 @@ RowElimination::Outcome RowElimination::add(const Row& row) {
     reduced.constant -= coefficient * known->constant;
     add_to(reduced.multipliers, known->multipliers, -coefficient);
   }
-  std::erase_if(reduced.terms,
-                [&](const auto& term) { return std::abs(term.second) <= vanishing_coefficient * scale; });
+  const auto gone = std::ranges::remove_if(
+      reduced.terms, [&](double value) { return std::abs(value) <= vanishing_coefficient * scale; }, &Term::value);
+  reduced.terms.erase(gone.begin(), gone.end());
 
   if (reduced.terms.empty()) {
     if (std::abs(reduced.constant) <= contradiction) {
       ++redundant_;
       return Outcome::Redundant;
     }
-    Conflict conflict{{row.name}, reduced.constant};
+    Conflict conflict{{row.name.str()}, reduced.constant};
     for (const auto& [other, multiplier] : reduced.multipliers) {
       if (other == id || std::abs(multiplier) <= contradiction) continue;
-      const std::string& name = rows_[static_cast<std::size_t>(other)].name;
+      const std::string name = rows_[static_cast<std::size_t>(other)].name.str();
       if (std::find(conflict.rules.begin(), conflict.rules.end(), name) == conflict.rules.end())
         conflict.rules.push_back(name);
     }
@@ -73,39 +74,39 @@ RowElimination::Outcome RowElimination::add(const Row& row) {
     return Outcome::Conflicting;
   }
 
-  const auto pivot = std::max_element(reduced.terms.begin(), reduced.terms.end(), [](const auto& a, const auto& b) {
-    return std::abs(a.second) < std::abs(b.second) * (1.0 - 1e-9);
+  Expression& solved = reduced;
+  auto* const pivot = std::max_element(solved.terms.begin(), solved.terms.end(), [](const Term& a, const Term& b) {
+    return std::abs(a.value) < std::abs(b.value) * (1.0 - 1e-9);
   });
-  const int variable = pivot->first;
-  const double coefficient = pivot->second;
-  Expression solved = std::move(reduced);
+  const int variable = pivot->key;
+  const double coefficient = pivot->value;
   solved.terms.erase(pivot);
-  for (auto& term : solved.terms) term.second = -term.second / coefficient;
+  for (Term& term : solved.terms) term.value = -term.value / coefficient;
   solved.constant /= coefficient;
-  for (auto& multiplier : solved.multipliers) multiplier.second /= coefficient;
+  for (Term& multiplier : solved.multipliers) multiplier.value /= coefficient;
 
   // What was expressed by the new dependent variable is expressed by the free ones instead.
   for (const int user : users_[static_cast<std::size_t>(variable)]) {
     Expression& expression = expressions_[static_cast<std::size_t>(expression_of_[static_cast<std::size_t>(user)])];
-    const auto mention = std::ranges::lower_bound(expression.terms, variable, {}, &Sum::value_type::first);
-    if (mention == expression.terms.end() || mention->first != variable) continue;
-    const double factor = mention->second;
+    auto* const mention = std::ranges::lower_bound(expression.terms, variable, {}, &Term::key);
+    if (mention == expression.terms.end() || mention->key != variable) continue;
+    const double factor = mention->value;
     expression.terms.erase(mention);
     add_to(expression.terms, solved.terms, factor);
     expression.constant += factor * solved.constant;
     add_to(expression.multipliers, solved.multipliers, factor);
-    for (const auto& term : solved.terms) users_[static_cast<std::size_t>(term.first)].push_back(user);
+    for (const Term& term : solved.terms) users_[static_cast<std::size_t>(term.key)].push_back(user);
   }
   users_[static_cast<std::size_t>(variable)].clear();
-  for (const auto& term : solved.terms) users_[static_cast<std::size_t>(term.first)].push_back(variable);
+  for (const Term& term : solved.terms) users_[static_cast<std::size_t>(term.key)].push_back(variable);
   expression_of_[static_cast<std::size_t>(variable)] = static_cast<int>(expressions_.size());
   expressions_.push_back(std::move(solved));
-  rows_.push_back(row);
+  rows_.push_back(std::move(row));
   return Outcome::Taken;
 }
 
-void RowElimination::add(const Rows& rows) {
-  for (const Row& row : rows) add(row);
+void RowElimination::add(Rows rows) {
+  for (Row& row : rows) add(std::move(row));
 }
 
 RowElimination::Space RowElimination::space() const {

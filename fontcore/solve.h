@@ -1,7 +1,6 @@
 #pragma once
 
 #include <Eigen/SparseCore>
-#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -31,8 +30,8 @@ class RowElimination {
       : variables_(variables), expression_of_(static_cast<std::size_t>(variables), -1), users_(expression_of_.size()) {}
 
   enum class Outcome { Taken, Redundant, Conflicting };
-  Outcome add(const Row& row);
-  void add(const Rows& rows);
+  Outcome add(Row row);
+  void add(Rows rows);
 
   const std::vector<Conflict>& conflicts() const { return conflicts_; }
   int redundant() const { return redundant_; }
@@ -49,7 +48,11 @@ class RowElimination {
 
  private:
   /// A sum of few terms, by rising key.
-  using Sum = std::vector<std::pair<int, double>>;
+  struct Term {
+    int key;
+    double value;
+  };
+  using Sum = InlineVector<Term, 4>;
   // variable = sum of coefficient * free variable + constant; and the rows, with multipliers, that say so.
   struct Expression {
     Sum terms;
@@ -64,8 +67,8 @@ class RowElimination {
   int redundant_ = 0;
   std::vector<Row> rows_;
   std::vector<Expression> expressions_;
-  std::vector<int> expression_of_;       // per variable its expression; -1 if it is free
-  std::vector<std::vector<int>> users_;  // per free variable the dependent ones that may mention it
+  std::vector<int> expression_of_;           // per variable its expression; -1 if it is free
+  std::vector<InlineVector<int, 4>> users_;  // per free variable the dependent ones that may mention it
   std::vector<Conflict> conflicts_;
 };
 

@@ -334,7 +334,7 @@ TEST_CASE("a stem keeps its width where its edges face each other, and takes a g
       CHECK(outside.segment(outer).start().x() - evaluate(inside.segment(inner), u).x() ==
             Approx(width.value_or(166.0)).margin(1e-9));
     }
-    CHECK(all[0].name.ends_with(width ? " is 190 wide" : " stays 166 wide"));
+    CHECK(all[0].name.str().ends_with(width ? " is 190 wide" : " stays 166 wide"));
   }
   CHECK_THROWS_AS(stems_between(a[0], outer, a[0], outer + 2), InvalidInput);
   CHECK_THROWS_AS(stems_between(letter_h(), 0, letter_h(), 4), InvalidInput);
@@ -591,7 +591,7 @@ TEST_CASE("a turn that is held keeps a part of itself, one that is kept its angl
   const Points kept = moved(points, kept_turns(points, stretch, {4}), 4);
   const Point in = row(kept, 4) - row(kept, 3);
   CHECK(turn(kept, 4) / in.squaredNorm() == Approx(turn(points, 4) / (row(points, 4) - row(points, 3)).squaredNorm()));
-  CHECK(held_turns(points, stretch, points, {4})[0].name.starts_with("the turn at point 4 stays to the left: "));
+  CHECK(held_turns(points, stretch, points, {4})[0].name.str().starts_with("the turn at point 4 stays to the left: "));
 }
 
 TEST_CASE("a turn that other rules push over is reported, and inflections that were there may stay", "[constraint]") {
