@@ -8,6 +8,7 @@
 #include <numbers>
 #include <numeric>
 #include <set>
+#include <span>
 
 #include "fontcore/error.h"
 #include "fontcore/measure.h"
@@ -28,7 +29,7 @@ constexpr double landed = 1e-9;             // font units
 // The wish at samples of every released segment, as least squares on its control points: the displacement and its slope
 // along the outline. Without the slope a short segment weighs little and is folded over when the area is given back.
 struct WishSystem {
-  Eigen::SparseMatrix<double> H;  // 2n×2n
+  std::vector<Eigen::Triplet<double>> H;  // 2n×2n
   Eigen::VectorXd f;
   struct Sample {
     int segment;
@@ -69,8 +70,11 @@ WishSystem wish_system(const OutlineArcs& outline, const Wish& wish, const Struc
                        const std::vector<bool>& released) {
   const BezierContour& contour = outline.contour();
   const auto n = contour.point_count();
-  WishSystem system{Eigen::SparseMatrix<double>(2 * n, 2 * n), Eigen::VectorXd::Zero(2 * n), {}};
-  std::vector<Eigen::Triplet<double>> entries;
+  WishSystem system{{}, Eigen::VectorXd::Zero(2 * n), {}};
+  std::vector<Eigen::Triplet<double>>& entries = system.H;
+  const auto segments = static_cast<std::size_t>(contour.segment_count());
+  entries.reserve(32 * segments);
+  system.samples.reserve(samples_per_segment * segments);
   double trace = 0.0;
   const double stiff = stiffness * edit.breadth;
   for (int s = 0; s < contour.segment_count(); ++s) {
@@ -115,7 +119,6 @@ WishSystem wish_system(const OutlineArcs& outline, const Wish& wish, const Struc
   }
   const double small = ridge * (trace > 0.0 ? trace / static_cast<double>(2 * n) : 1.0);
   for (int v = 0; v < 2 * n; ++v) entries.emplace_back(v, v, small);
-  system.H.setFromTriplets(entries.begin(), entries.end());
   return system;
 }
 
@@ -217,7 +220,7 @@ struct HandledSolution {
 HandledSolution solve_with_handle(const BezierContour& contour, const StructureEdit& edit, const WishSystem& system,
                                   RowElimination rules) {
   const auto solve = [&](RowElimination rows) {
-    const LeastChange least(system.H, std::move(rows));
+    const LeastChange least(std::span(system.H), std::move(rows));
     if (edit.length) return least.solve(system.f, contour, edit.area, *edit.length);
     return edit.area ? least.solve(system.f, contour, *edit.area) : least.solve(system.f);
   };

@@ -1,12 +1,13 @@
 #include "fontcore/solve.h"
 
 #include <Eigen/QR>
-#include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "fontcore/error.h"
 #include "fontcore/measure.h"
+#include "fontcore/profile.h"
 
 namespace fontcore {
 
@@ -109,23 +110,40 @@ void RowElimination::add(Rows rows) {
   for (Row& row : rows) add(std::move(row));
 }
 
-RowElimination::Space RowElimination::space() const {
-  std::vector<Eigen::Triplet<double>> entries;
+RowElimination::Substitution RowElimination::substitution() const {
+  Substitution result;
+  result.first.reserve(static_cast<std::size_t>(variables_) + 1);
+  result.c = Eigen::VectorXd::Zero(variables_);
   std::vector<int> column(static_cast<std::size_t>(variables_), -1);
-  int free = 0;
-  for (int v = 0; v < variables_; ++v) {
-    if (expression_of(v) != nullptr) continue;
-    entries.emplace_back(v, free, 1.0);
-    column[static_cast<std::size_t>(v)] = free++;
-  }
-  Space space{Eigen::SparseMatrix<double>(variables_, free), Eigen::VectorXd::Zero(variables_)};
+  std::size_t terms = 0;
   for (int v = 0; v < variables_; ++v) {
     const Expression* const expression = expression_of(v);
-    if (expression == nullptr) continue;
-    space.c[v] = expression->constant;
-    for (const auto& [other, value] : expression->terms)
-      entries.emplace_back(v, column[static_cast<std::size_t>(other)], value);
+    if (expression == nullptr) column[static_cast<std::size_t>(v)] = result.free++;
+    terms += expression == nullptr ? 1 : expression->terms.size();
   }
+  result.terms.reserve(terms);
+  for (int v = 0; v < variables_; ++v) {
+    result.first.push_back(static_cast<int>(result.terms.size()));
+    const Expression* const expression = expression_of(v);
+    if (expression == nullptr) {
+      result.terms.push_back({column[static_cast<std::size_t>(v)], 1.0});
+      continue;
+    }
+    result.c[v] = expression->constant;
+    for (const auto& [other, value] : expression->terms)
+      result.terms.push_back({column[static_cast<std::size_t>(other)], value});
+  }
+  result.first.push_back(static_cast<int>(result.terms.size()));
+  return result;
+}
+
+RowElimination::Space RowElimination::space() const {
+  const Substitution by_row = substitution();
+  std::vector<Eigen::Triplet<double>> entries;
+  for (int v = 0; v < variables_; ++v) {
+    for (const auto& [free, value] : by_row.of(v)) entries.emplace_back(v, free, value);
+  }
+  Space space{Eigen::SparseMatrix<double>(variables_, by_row.free), by_row.c};
   space.T.setFromTriplets(entries.begin(), entries.end());
   return space;
 }
@@ -148,32 +166,121 @@ std::optional<double> area_root(double missing, double slope, double bend) {
   return missing == 0.0 ? std::optional(0.0) : std::nullopt;
 }
 
+namespace {
+
+using Entries = std::span<const Eigen::Triplet<double>>;
+using Substitution = RowElimination::Substitution;
+
+// Numbers the unknowns anew: those that hang together through T'HT one after the other, in the order they had. The
+// coordinates of an outline do not hang together but through slanted lines, nor do the stretches between held points:
+// so the rows of a profile stay short.
+void gather_unknowns(Substitution& space, const Entries& H) {
+  std::vector<int> parent(static_cast<std::size_t>(space.free));
+  std::iota(parent.begin(), parent.end(), 0);
+  const auto root = [&](int i) {
+    while (parent[static_cast<std::size_t>(i)] != i) {
+      int& up = parent[static_cast<std::size_t>(i)];
+      up = parent[static_cast<std::size_t>(up)];
+      i = up;
+    }
+    return i;
+  };
+  const auto join = [&](int i, int j) {
+    i = root(i);
+    j = root(j);
+    parent[static_cast<std::size_t>(std::max(i, j))] = std::min(i, j);
+  };
+  for (std::size_t v = 0; v + 1 < space.first.size(); ++v) {
+    const auto terms = space.of(static_cast<int>(v));
+    for (std::size_t k = 1; k < terms.size(); ++k) join(terms[0].key, terms[k].key);
+  }
+  for (const auto& entry : H) {
+    if (entry.row() <= entry.col()) continue;
+    const auto a = space.of(entry.row());
+    const auto b = space.of(entry.col());
+    if (!a.empty() && !b.empty()) join(a[0].key, b[0].key);
+  }
+  std::vector<int> next(parent.size() + 1, 0);  // per root, where its unknowns go
+  for (int i = 0; i < space.free; ++i) ++next[static_cast<std::size_t>(root(i)) + 1];
+  std::partial_sum(next.begin(), next.end(), next.begin());
+  std::vector<int> place(parent.size());
+  for (int i = 0; i < space.free; ++i) place[static_cast<std::size_t>(i)] = next[static_cast<std::size_t>(root(i))]++;
+  for (auto& term : space.terms) term.key = place[static_cast<std::size_t>(term.key)];
+}
+
+// T'HT.
+ProfileSystem reduced_system(const Substitution& space, const Entries& H) {
+  std::vector<int> first(static_cast<std::size_t>(space.free));
+  std::iota(first.begin(), first.end(), 0);
+  for (const auto& entry : H) {
+    for (const auto& a : space.of(entry.row())) {
+      int& begin = first[static_cast<std::size_t>(a.key)];
+      for (const auto& b : space.of(entry.col())) begin = std::min(begin, b.key);
+    }
+  }
+  ProfileSystem system(std::move(first));
+  for (const auto& entry : H) {
+    for (const auto& a : space.of(entry.row())) {
+      for (const auto& b : space.of(entry.col())) {
+        if (b.key <= a.key) system.entry(a.key, b.key) += a.value * b.value * entry.value();
+      }
+    }
+  }
+  return system;
+}
+
+std::vector<Eigen::Triplet<double>> entries_of(const Eigen::SparseMatrix<double>& H) {
+  std::vector<Eigen::Triplet<double>> entries;
+  for (Eigen::Index k = 0; k < H.outerSize(); ++k) {
+    for (Eigen::SparseMatrix<double>::InnerIterator entry(H, k); entry; ++entry)
+      entries.emplace_back(static_cast<int>(entry.row()), static_cast<int>(entry.col()), entry.value());
+  }
+  return entries;
+}
+
+}  // namespace
+
 struct LeastChange::Factored {
-  Factored(RowElimination rules, const Eigen::SparseMatrix<double>& objective)
-      : rows(std::move(rules)), space(rows.space()), H(objective) {}
+  Factored(RowElimination rules, const Entries& H) : rows(std::move(rules)), space(rows.substitution()) {
+    gather_unknowns(space, H);
+    K = reduced_system(space, H);
+    Eigen::VectorXd Hc = Eigen::VectorXd::Zero(space.c.size());
+    for (const auto& entry : H) Hc[entry.row()] += entry.value() * space.c[entry.col()];
+    held = reduced(Hc);
+  }
+
+  // T' x
+  Eigen::VectorXd reduced(const Eigen::VectorXd& x) const {
+    Eigen::VectorXd q = Eigen::VectorXd::Zero(space.free);
+    for (Eigen::Index v = 0; v < x.size(); ++v) {
+      for (const auto& [free, value] : space.of(static_cast<int>(v))) q[free] += value * x[v];
+    }
+    return q;
+  }
+  // T q
+  Eigen::VectorXd expanded(const Eigen::VectorXd& q) const {
+    Eigen::VectorXd x = Eigen::VectorXd::Zero(space.c.size());
+    for (Eigen::Index v = 0; v < x.size(); ++v) {
+      for (const auto& [free, value] : space.of(static_cast<int>(v))) x[v] += value * q[free];
+    }
+    return x;
+  }
 
   RowElimination rows;
-  RowElimination::Space space;
-  Eigen::SparseMatrix<double> H;
-  Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factor;
-
-  Eigen::VectorXd displacement(const Eigen::VectorXd& q) const {
-    Eigen::VectorXd d = space.c;
-    if (q.size() > 0) d += space.T * q;
-    return d;
-  }
+  Substitution space;
+  ProfileSystem K{{}};   // T'HT, factored
+  Eigen::VectorXd held;  // T'Hc
 };
 
-LeastChange::LeastChange(const Eigen::SparseMatrix<double>& H, RowElimination rows)
+LeastChange::LeastChange(std::span<const Eigen::Triplet<double>> H, RowElimination rows)
     : factored_(std::make_unique<Factored>(std::move(rows), H)) {
-  const auto& T = factored_->space.T;
-  if (T.cols() == 0) return;
-  const Eigen::SparseMatrix<double> K = T.transpose() * H * T;
-  factored_->factor.compute(K);
-  if (factored_->factor.info() != Eigen::Success) {
-    throw UnsatisfiableConstraints(text("LeastChange: the system of ", K.rows(), " unknowns is singular"));
+  if (!factored_->K.factor()) {
+    throw UnsatisfiableConstraints(text("LeastChange: the system of ", factored_->K.size(), " unknowns is singular"));
   }
 }
+
+LeastChange::LeastChange(const Eigen::SparseMatrix<double>& H, RowElimination rows)
+    : LeastChange(entries_of(H), std::move(rows)) {}
 
 LeastChange::~LeastChange() = default;
 LeastChange::LeastChange(LeastChange&&) noexcept = default;
@@ -181,10 +288,9 @@ LeastChange& LeastChange::operator=(LeastChange&&) noexcept = default;
 
 LeastChange::Solution LeastChange::solve(const Eigen::VectorXd& f) const {
   const Factored& system = *factored_;
-  Eigen::VectorXd q(system.space.T.cols());
-  if (q.size() > 0) q = system.factor.solve(system.space.T.transpose() * (f - system.H * system.space.c));
-  Solution solution{system.displacement(q), {}};
-  solution.report.free = static_cast<int>(q.size());
+  const Eigen::VectorXd right = system.reduced(f) - system.held;
+  Solution solution{system.space.c + system.expanded(system.K.solve(right)), {}};
+  solution.report.free = system.space.free;
   solution.report.row_residual = system.rows.residual(solution.displacement);
   return solution;
 }
@@ -203,15 +309,15 @@ LeastChange::Solution LeastChange::solve(const Eigen::VectorXd& f, const BezierC
     const Points gradient = area_gradient(displaced(contour, solution.displacement));
     Eigen::VectorXd g(2 * gradient.rows());
     for (Eigen::Index i = 0; i < gradient.rows(); ++i) g.segment<2>(2 * i) = gradient.row(i).transpose();
-    const Eigen::VectorXd Tg = system.space.T.transpose() * g;
-    const Eigen::VectorXd v = system.factor.solve(Tg);
+    const Eigen::VectorXd Tg = system.reduced(g);
+    const Eigen::VectorXd v = system.K.solve(Tg);
     const double slope = Tg.dot(v);
     if (!(slope > 1e-14 * size)) {
       solution.report.failed = "what the rules leave free does not change the area";
       break;
     }
     // Along v the area is exactly quadratic: error = slope t + bend t^2.
-    const Eigen::VectorXd step = system.space.T * v;
+    const Eigen::VectorXd step = system.expanded(v);
     const double bend = error - missing(solution.displacement + step) - slope;
     const std::optional<double> t = area_root(error, slope, bend);
     if (!t) {
@@ -250,18 +356,19 @@ LeastChange::Solution LeastChange::solve(const Eigen::VectorXd& f, const BezierC
     if (report.free == 0) report.failed = "the rules leave nothing free to keep area and length with";
     if (report.passes == most_passes) report.failed = text("the length is out of reach: ", error[1], " off, relative");
     if (!report.failed.empty()) break;
-    Eigen::MatrixXd g(contour.points().size(), 2);
+    Eigen::VectorXd g(contour.points().size());
+    Eigen::MatrixXd Tg(report.free, 2);
     const Points gradients[] = {area ? area_gradient(now) : Points(Points::Zero(now.point_count(), 2)),
                                 length_gradient(now)};
     for (Eigen::Index k = 0; k < 2; ++k) {
       for (Eigen::Index i = 0; i < now.point_count(); ++i)
-        g.col(k).segment<2>(2 * i) = gradients[k].row(i).transpose() / size[k];
+        g.segment<2>(2 * i) = gradients[k].row(i).transpose() / size[k];
+      Tg.col(k) = system.reduced(g);
     }
-    const Eigen::MatrixXd Tg = system.space.T.transpose() * g;
-    const Eigen::MatrixXd V = system.factor.solve(Tg);
+    const Eigen::MatrixXd V = system.K.solve(Tg);
     const Eigen::Matrix2d S = Tg.transpose() * V;
     const Eigen::Vector2d share = S.completeOrthogonalDecomposition().solve(error);  // one of the two may be idle
-    solution.displacement += system.space.T * (V * share);
+    solution.displacement += system.expanded(V * share);
     now = displaced(contour, solution.displacement);
     error = errors(now);
   }

@@ -3,6 +3,7 @@
 #include <Eigen/SparseCore>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -36,6 +37,25 @@ class RowElimination {
   const std::vector<Conflict>& conflicts() const { return conflicts_; }
   int redundant() const { return redundant_; }
 
+  /// A term of a sum, by what it is of.
+  struct Term {
+    int key;
+    double value;
+  };
+  /// T row by row, the keys counting free variables, and c.
+  struct Substitution {
+    int free = 0;
+    std::vector<int> first;   ///< per variable, and one more: where its terms begin
+    std::vector<Term> terms;  ///< of one variable by rising key
+    Eigen::VectorXd c;
+
+    std::span<const Term> of(int variable) const {
+      const auto v = static_cast<std::size_t>(variable);
+      return std::span(terms).subspan(static_cast<std::size_t>(first[v]),
+                                      static_cast<std::size_t>(first[v + 1] - first[v]));
+    }
+  };
+  Substitution substitution() const;
   /// T (variables × free) and c.
   struct Space {
     Eigen::SparseMatrix<double> T;
@@ -48,10 +68,6 @@ class RowElimination {
 
  private:
   /// A sum of few terms, by rising key.
-  struct Term {
-    int key;
-    double value;
-  };
   using Sum = InlineVector<Term, 4>;
   // variable = sum of coefficient * free variable + constant; and the rows, with multipliers, that say so.
   struct Expression {
@@ -97,7 +113,10 @@ struct SolveReport {
 /// Source  [HBS05] eq. 20 with rows eliminated and the area's quadratic solved in closed form.
 class LeastChange {
  public:
-  /// Shape   H 2n×2n, symmetric positive definite on what the rows leave.
+  /// Shape   H 2n×2n, symmetric, positive definite on what the rows leave; as entries in any order, those of one place
+  ///         added up.
+  /// Throws  UnsatisfiableConstraints if it is not.
+  LeastChange(std::span<const Eigen::Triplet<double>> H, RowElimination rows);
   LeastChange(const Eigen::SparseMatrix<double>& H, RowElimination rows);
   ~LeastChange();
   LeastChange(LeastChange&&) noexcept;
