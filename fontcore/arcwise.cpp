@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 
 #include "fontcore/error.h"
 
@@ -304,54 +305,101 @@ ArcSpline line_spline(Scheme scheme, double length, const std::array<Point, 2>& 
   return line;
 }
 
-// Least squares over arc length by `spans` spans; an open arc has its ends on the outline.
-ArcSpline fit_arc(ArcSamples& samples, Scheme scheme, Index spans, const std::array<Point, 2>& ends) {
-  const bool closed = is_closed(scheme);
-  const int p = degree(scheme);
-  const Index size = closed ? spans : spans + p;
-  const double span = samples.length() / static_cast<double>(spans);
-  ArcSpline fit{scheme, Points::Zero(size, 2)};
-  fit.length = samples.length();
-  if (!closed) {
-    fit.points.row(0) = ends[0].transpose();
-    fit.points.row(size - 1) = ends[1].transpose();
-  }
-  const Index held = closed ? 0 : 1;
-  const Index unknowns = size - 2 * held;
-  ProfileSystem system = spline_system(scheme, size, held);
-  Points right = Points::Zero(unknowns, 2);
-  for (Index e = 0; e < spans; ++e) {
-    for (std::size_t g = 0; g < gauss_node.size(); ++g) {
-      const double u = static_cast<double>(e) + gauss_node[g];
-      const BasisRow row = basis_row(scheme, size, fit.parameter_at(u));
-      Eigen::RowVector2d rest = samples.at(u * span).transpose();
-      const auto column = [&](std::size_t a) {
-        const Index i = row.index[a] - held;
-        return i < unknowns ? i : Index{-1};
-      };
-      for (std::size_t a = 0; a < static_cast<std::size_t>(row.count); ++a) {
-        if (column(a) < 0) rest -= row.weight[a] * fit.points.row(row.index[a]);
-      }
-      for (std::size_t a = 0; a < static_cast<std::size_t>(row.count); ++a) {
-        const Index i = column(a);
-        if (i < 0) continue;
-        right.row(i) += gauss_weight[g] * row.weight[a] * rest;
-        for (std::size_t b = 0; b < static_cast<std::size_t>(row.count); ++b) {
-          const Index j = column(b);
-          if (j >= 0 && j <= i)
-            system.entry(static_cast<int>(i), static_cast<int>(j)) += gauss_weight[g] * row.weight[a] * row.weight[b];
+constexpr Index looks_per_span = 4;  // places where the distance of a fit is measured
+
+// What a fit over arc length hangs on beside the outline.
+struct FitBasis {
+  Index spans;
+  std::vector<BasisRow> at_nodes;  // of the Gauss-Legendre rule, span by span
+  std::vector<BasisRow> at_looks;  // and at the end
+  ProfileSystem normal;            // factored
+
+  FitBasis(Scheme scheme, Index of_spans)
+      : spans(of_spans), normal(spline_system(scheme, size(scheme, spans), held(scheme))) {
+    const Index points = size(scheme, spans);
+    const auto row_at = [&](double u) { return basis_row(scheme, points, is_closed(scheme) ? u - 0.5 : u); };
+    for (Index e = 0; e < spans; ++e) {
+      for (std::size_t g = 0; g < gauss_node.size(); ++g) {
+        const BasisRow row = at_nodes.emplace_back(row_at(static_cast<double>(e) + gauss_node[g]));
+        for (std::size_t a = 0; a < static_cast<std::size_t>(row.count); ++a) {
+          const Index i = unknown(scheme, points, row.index[a]);
+          for (std::size_t b = 0; b < static_cast<std::size_t>(row.count); ++b) {
+            const Index j = unknown(scheme, points, row.index[b]);
+            if (i >= 0 && j >= 0 && j <= i)
+              normal.entry(static_cast<int>(i), static_cast<int>(j)) += gauss_weight[g] * row.weight[a] * row.weight[b];
+          }
         }
       }
     }
+    normal.factor();
+    for (Index k = 0; k <= looks_per_span * spans; ++k)
+      at_looks.push_back(row_at(static_cast<double>(k) / looks_per_span));
   }
-  system.factor();
-  fit.points.middleRows(held, unknowns) = system.solve(std::move(right));
-  constexpr Index per_span = 4;
-  const std::vector<Point>& outline = samples.even(per_span * spans);
-  for (Index k = 0; k <= per_span * spans; ++k) {
-    const double t = fit.parameter_at(static_cast<double>(k) / per_span);
-    const Point there = evaluate(scheme, fit.points, t).transpose();
-    fit.distance = std::max(fit.distance, (there - outline[static_cast<std::size_t>(k)]).norm());
+
+  static Index held(Scheme scheme) { return is_closed(scheme) ? 0 : 1; }  // at either end
+  static Index size(Scheme scheme, Index spans) { return is_closed(scheme) ? spans : spans + degree(scheme); }
+  /// Index of a control point among those that are not held; -1 for the others.
+  static Index unknown(Scheme scheme, Index points, Index index) {
+    const Index i = index - held(scheme);
+    return i < points - 2 * held(scheme) ? i : Index{-1};
+  }
+};
+
+// Arcs of few spans are fitted by the thousand: what is the same for all of them is made once.
+constexpr std::array<Index, 7> common_spans = {1, 2, 4, 8, 16, 32, 64};
+const FitBasis* common_basis(Scheme scheme, Index spans) {
+  const auto make = [](Scheme of) {
+    std::vector<FitBasis> all;
+    for (const Index count : common_spans) {
+      if (FitBasis::size(of, count) >= fewest(of)) all.emplace_back(of, count);
+    }
+    return all;
+  };
+  static const std::vector<FitBasis> held = make(Scheme::HeldCubic);
+  static const std::vector<FitBasis> closed = make(Scheme::Orthogonal);
+  if (scheme != Scheme::HeldCubic && scheme != Scheme::Orthogonal) return nullptr;
+  const std::vector<FitBasis>& of = scheme == Scheme::HeldCubic ? held : closed;
+  const auto known = std::ranges::find(of, spans, &FitBasis::spans);
+  return known == of.end() ? nullptr : &*known;
+}
+
+// Least squares over arc length by `spans` spans; an open arc has its ends on the outline.
+ArcSpline fit_arc(ArcSamples& samples, Scheme scheme, Index spans, const std::array<Point, 2>& ends) {
+  std::optional<FitBasis> own;
+  const FitBasis* basis = common_basis(scheme, spans);
+  if (basis == nullptr) basis = &own.emplace(scheme, spans);
+  const Index size = FitBasis::size(scheme, spans);
+  const Index held = FitBasis::held(scheme);
+  const Index unknowns = size - 2 * held;
+  const double span = samples.length() / static_cast<double>(spans);
+  ArcSpline fit{scheme, Points::Zero(size, 2)};
+  fit.length = samples.length();
+  if (held > 0) {
+    fit.points.row(0) = ends[0].transpose();
+    fit.points.row(size - 1) = ends[1].transpose();
+  }
+  Points right = Points::Zero(unknowns, 2);
+  for (std::size_t n = 0; n < basis->at_nodes.size(); ++n) {
+    const BasisRow& row = basis->at_nodes[n];
+    const std::size_t g = n % gauss_node.size();
+    const double u = static_cast<double>(n / gauss_node.size()) + gauss_node[g];
+    Eigen::RowVector2d rest = samples.at(u * span).transpose();
+    for (std::size_t a = 0; a < static_cast<std::size_t>(row.count); ++a) {
+      if (FitBasis::unknown(scheme, size, row.index[a]) < 0) rest -= row.weight[a] * fit.points.row(row.index[a]);
+    }
+    for (std::size_t a = 0; a < static_cast<std::size_t>(row.count); ++a) {
+      const Index i = FitBasis::unknown(scheme, size, row.index[a]);
+      if (i >= 0) right.row(i) += gauss_weight[g] * row.weight[a] * rest;
+    }
+  }
+  fit.points.middleRows(held, unknowns) = basis->normal.solve(std::move(right));
+  const std::vector<Point>& outline = samples.even(looks_per_span * spans);
+  for (std::size_t k = 0; k < outline.size(); ++k) {
+    const BasisRow& row = basis->at_looks[k];
+    Eigen::RowVector2d there = Eigen::RowVector2d::Zero();
+    for (std::size_t a = 0; a < static_cast<std::size_t>(row.count); ++a)
+      there += row.weight[a] * fit.points.row(row.index[a]);
+    fit.distance = std::max(fit.distance, (there.transpose() - outline[k]).norm());
   }
   return fit;
 }

@@ -27,19 +27,6 @@ Point evaluate(const Bezier& bezier, double u) {
   return sum;
 }
 
-Point derivative(const Bezier& bezier, double u) {
-  const double v = 1.0 - u;
-  const auto& p = bezier.p;
-  switch (bezier.degree) {
-    case 1:
-      return p[1] - p[0];
-    case 2:
-      return 2.0 * (v * (p[1] - p[0]) + u * (p[2] - p[1]));
-    default:
-      return 3.0 * (v * v * (p[1] - p[0]) + 2.0 * u * v * (p[2] - p[1]) + u * u * (p[3] - p[2]));
-  }
-}
-
 std::array<Bezier, 2> split(const Bezier& bezier, double u) {
   std::array<Bezier, 2> part;
   part[0].degree = part[1].degree = bezier.degree;
@@ -117,19 +104,6 @@ BezierContour::BezierContour(Points points, std::vector<PointKind> kinds) : poin
     made.degree.push_back(degree);
   }
   structure_ = std::make_shared<const Structure>(std::move(made));
-}
-
-int BezierContour::point_of(int segment, int k) const {
-  const int index = node(segment) + k;
-  const int n = static_cast<int>(kinds().size());
-  return index < n ? index : index - n;
-}
-
-Bezier BezierContour::segment(int index) const {
-  Bezier bezier;
-  bezier.degree = degree(index);
-  for (int k = 0; k <= bezier.degree; ++k) bezier.p[static_cast<std::size_t>(k)] = point(point_of(index, k));
-  return bezier;
 }
 
 BezierContour BezierContour::with_points(Points points) const {

@@ -29,7 +29,18 @@ struct Bezier {
 /// Bernstein weights of the `degree + 1` control points at u; the others are 0.
 std::array<double, 4> bernstein(int degree, double u);
 Point evaluate(const Bezier& bezier, double u);
-Point derivative(const Bezier& bezier, double u);
+inline Point derivative(const Bezier& bezier, double u) {
+  const double v = 1.0 - u;
+  const auto& p = bezier.p;
+  switch (bezier.degree) {
+    case 1:
+      return p[1] - p[0];
+    case 2:
+      return 2.0 * (v * (p[1] - p[0]) + u * (p[2] - p[1]));
+    default:
+      return 3.0 * (v * v * (p[1] - p[0]) + 2.0 * u * v * (p[2] - p[1]) + u * u * (p[3] - p[2]));
+  }
+}
 /// The two parts before and after u, by de Casteljau; their common end is the same point, bit for bit. Coordinates
 /// that all control points share stay as they are.
 std::array<Bezier, 2> split(const Bezier& bezier, double u);
@@ -69,10 +80,19 @@ class BezierContour {
   int segment_count() const { return static_cast<int>(structure().first.size()); }
   int degree(int segment) const { return structure().degree[static_cast<std::size_t>(segment)]; }
   /// Index of control point k (0 to degree) of a segment; the last is the first of the next segment.
-  int point_of(int segment, int k) const;
+  int point_of(int segment, int k) const {
+    const int index = node(segment) + k;
+    const int n = static_cast<int>(points_.rows());
+    return index < n ? index : index - n;
+  }
   /// The start node of a segment.
   int node(int segment) const { return structure().first[static_cast<std::size_t>(segment)]; }
-  Bezier segment(int index) const;
+  Bezier segment(int index) const {
+    Bezier bezier;
+    bezier.degree = degree(index);
+    for (int k = 0; k <= bezier.degree; ++k) bezier.p[static_cast<std::size_t>(k)] = point(point_of(index, k));
+    return bezier;
+  }
   int previous(int segment) const { return segment == 0 ? segment_count() - 1 : segment - 1; }
   int next(int segment) const { return segment + 1 == segment_count() ? 0 : segment + 1; }
 

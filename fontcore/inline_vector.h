@@ -44,6 +44,7 @@ class InlineVector {
   const T& operator[](std::size_t index) const { return begin()[index]; }
   const T& front() const { return *begin(); }
   const T& back() const { return end()[-1]; }
+  T& back() { return end()[-1]; }
 
   void clear() { size_ = 0; }
   void push_back(const T& value) { insert(end(), value); }

@@ -221,27 +221,21 @@ std::vector<double> turning_angles(const BezierContour& contour) {
   return angles;
 }
 
-namespace {
-
-constexpr int arc_table_intervals = 16;
-
-}  // namespace
-
 ArcLength::ArcLength(const Bezier& bezier) : bezier_(bezier) {
   if (bezier.degree == 1) {
-    s_ = {0.0, (bezier.p[1] - bezier.p[0]).norm()};
+    s_[1] = (bezier.p[1] - bezier.p[0]).norm();
     return;
   }
-  s_.push_back(0.0);
-  for (int k = 0; k < arc_table_intervals; ++k) {
-    const double u0 = static_cast<double>(k) / arc_table_intervals;
-    const double u1 = static_cast<double>(k + 1) / arc_table_intervals;
-    s_.push_back(s_.back() + length_within(bezier, u0, u1, length_between(bezier, u0, u1), 6));
+  intervals_ = most_intervals;
+  for (std::size_t k = 0; k < intervals_; ++k) {
+    const double u0 = static_cast<double>(k) / most_intervals;
+    const double u1 = static_cast<double>(k + 1) / most_intervals;
+    s_[k + 1] = s_[k] + length_within(bezier, u0, u1, length_between(bezier, u0, u1), 6);
   }
 }
 
 double ArcLength::at(double u) const {
-  const auto intervals = static_cast<double>(s_.size() - 1);
+  const auto intervals = static_cast<double>(intervals_);
   const auto k = static_cast<std::size_t>(std::clamp(std::floor(u * intervals), 0.0, intervals - 1.0));
   const double u0 = static_cast<double>(k) / intervals;
   return bezier_.degree == 1 ? u * length() : s_[k] + length_between(bezier_, u0, u);
@@ -251,9 +245,9 @@ double ArcLength::inverse(double s) const {
   if (s <= 0.0) return 0.0;
   if (s >= length()) return 1.0;
   if (bezier_.degree == 1) return s / length();
-  const auto above = std::upper_bound(s_.begin(), s_.end(), s);
+  const auto* const above = std::upper_bound(s_.begin(), s_.begin() + intervals_ + 1, s);
   const auto k = static_cast<std::size_t>(above - s_.begin()) - 1;
-  const auto intervals = static_cast<double>(s_.size() - 1);
+  const auto intervals = static_cast<double>(intervals_);
   double low = static_cast<double>(k) / intervals;
   double high = static_cast<double>(k + 1) / intervals;
   const double start = low;

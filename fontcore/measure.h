@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <limits>
 #include <vector>
 
@@ -70,13 +71,16 @@ std::vector<double> turning_angles(const BezierContour& contour);
 class ArcLength {
  public:
   explicit ArcLength(const Bezier& bezier);
-  double length() const { return s_.back(); }
+  double length() const { return s_[intervals_]; }
   double at(double u) const;       ///< s of u
   double inverse(double s) const;  ///< u of s; s is clamped to [0, length]
 
  private:
+  static constexpr std::size_t most_intervals = 16;
+
   Bezier bezier_;
-  std::vector<double> s_;
+  std::size_t intervals_ = 1;  // of u, of equal size; a line is one
+  std::array<double, most_intervals + 1> s_{};
 };
 
 /// Largest distance of a point of one closed polyline from the other, in both directions (Hausdorff), point to segment.

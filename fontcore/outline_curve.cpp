@@ -181,6 +181,7 @@ OutlineArcs::OutlineArcs(const BezierContour& contour, const OutlineCurveOptions
     any_cut = any_cut || is_cut[k];
   }
   if (!any_cut) is_cut[0] = true;
+  if (has_corner_) arcs_.reserve(static_cast<std::size_t>(std::count(is_corner_.begin(), is_corner_.end(), true)));
   std::size_t start = 0;
   while (has_corner_ ? !is_corner(solid[start]) : !is_cut[start]) ++start;
 
@@ -194,11 +195,11 @@ OutlineArcs::OutlineArcs(const BezierContour& contour, const OutlineCurveOptions
       arcs_.emplace_back().start = begin;
     }
     Arc& arc = arcs_.back();
-    if (arc.spans.empty() || is_cut[k]) arc.spans.emplace_back();
+    if (arc.spans.empty() || is_cut[k]) arc.spans.push_back({static_cast<int>(arc.segments.size())});
     Span& span = arc.spans.back();
-    span.segments.push_back(solid[k]);
+    ++span.count;
     span.length += along_[s].length();
-    span.is_line = span.segments.size() == 1 && contour_.degree(solid[k]) == 1;
+    span.is_line = span.count == 1 && contour_.degree(solid[k]) == 1;
     arc_of_[s] = static_cast<int>(arcs_.size()) - 1;
     offset_of_[s] = arc.length;
     arc.segments.push_back(solid[k]);
@@ -331,9 +332,10 @@ double OutlineCurve::fit(int size, double tolerance) {
     for (const OutlineArcs::Span& span : own.spans) {
       const int pieces = shares[next_share++];
       if (span.is_line) {  // its control points, and the one beyond each smooth end, on the line
-        const Bezier line = contour().segment(span.segments[0]);
+        const int segment = own.segments[static_cast<std::size_t>(span.first)];
+        const Bezier line = contour().segment(segment);
         const Point direction = (line.p[1] - line.p[0]) / span.length;
-        const double offset = outline_.offset_of(span.segments[0]);
+        const double offset = outline_.offset_of(segment);
         for (int k = local - 1; k <= local + pieces; ++k) {
           if (has_corner && (k < 0 || k >= arc.size)) continue;
           pin(arc.first + wrapped(k, arc.size), line.p[0] + (coefficient(arc, k) - offset) * direction);
@@ -423,13 +425,14 @@ void OutlineCurve::place_nodes(const std::vector<int>& pieces, const std::vector
   std::size_t next = 0;
   for (const Arc& arc : arcs_) {
     const auto a = static_cast<std::size_t>(arc.index);
-    const std::vector<OutlineArcs::Span>& spans = outline_.arcs()[a].spans;
+    const auto& [start, length, segments, offsets, spans] = outline_.arcs()[a];
     int local = 0;
     for (std::size_t k = 0; k < spans.size(); ++k) {
-      for (const int s : spans[k].segments) {
+      for (int i = 0; i < spans[k].count; ++i) {
+        const int s = segments[static_cast<std::size_t>(spans[k].first + i)];
         Node& node = nodes_[static_cast<std::size_t>(s)];
         node.is_corner = outline_.is_corner(s);
-        node.is_knot = s == spans[k].segments[0] && knot_kept[a][k];
+        node.is_knot = i == 0 && knot_kept[a][k];
         node.t = node.is_knot ? arc.first - 0.5 + local : parameter_in(arc, outline_.offset_of(s));
       }
       local += pieces[next++];

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "fontcore/contour.h"
+#include "fontcore/inline_vector.h"
 #include "fontcore/measure.h"
 #include "fontcore/wavelet.h"
 
@@ -32,16 +33,17 @@ class OutlineArcs {
 
   /// A stretch between nodes that lie on knots: the font's own, extrema and the ends of lines.
   struct Span {
-    std::vector<int> segments;
+    int first = 0;  ///< of the arc's segments
+    int count = 0;
     double length = 0.0;
     bool is_line = false;
   };
   struct Arc {
     double start = 0.0;  ///< arc length from the first arc's start
     double length = 0.0;
-    std::vector<int> segments;    ///< with length, in order
-    std::vector<double> offsets;  ///< arc length within the arc where each of them starts
-    std::vector<Span> spans;
+    InlineVector<int, 4> segments;    ///< with length, in order
+    InlineVector<double, 4> offsets;  ///< arc length within the arc where each of them starts
+    InlineVector<Span, 4> spans;
 
     bool is_line() const { return spans.size() == 1 && spans[0].is_line; }
   };
