@@ -1,5 +1,6 @@
 #include "fontcore/contour.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "fontcore/error.h"
@@ -87,6 +88,7 @@ BezierContour::BezierContour(Points points, std::vector<PointKind> kinds) : poin
   Structure made{std::move(kinds), {}, {}};
   const auto kind_of = [&](int i) { return made.kinds[static_cast<std::size_t>(i)]; };
   std::vector<int>& first = made.first;
+  first.reserve(static_cast<std::size_t>(std::ranges::count_if(made.kinds, is_node)));
   for (int i = 0; i < n; ++i) {
     if (is_node(kind_of(i))) first.push_back(i);
   }

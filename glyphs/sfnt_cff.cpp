@@ -385,6 +385,7 @@ void read_cff_outlines(Font& font, const CffTable& table) {
   const int within = run_jobs_within(most_font_work, static_cast<int>(read.size()), {}, [&](int id) {
     Charstring& its = read[static_cast<std::size_t>(id)];
     its = table.read(id);
+    its.is_closed_by_line = std::vector<bool>();  // freed later, it would leave a hole in memory for every glyph
     return cost(its);
   });
 

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <limits>
 
 #include "glyphs/sfnt_cff.h"
@@ -19,6 +20,7 @@ constexpr double one = 65536.0;  // 16.16
 constexpr int most_operands = 48;
 constexpr int most_calls = 10;  // subroutines within each other
 constexpr int storage_size = 32;
+constexpr std::size_t usual_contours = 24;
 constexpr double coordinate_end = 32768.0;  // 16.16 numbers lie below
 
 enum Operator : int {
@@ -80,7 +82,9 @@ std::string name_of(int op) { return op > 255 ? text("12 ", op & 0xFF) : text(op
 class Interpreter {
  public:
   Interpreter(const CffIndex& global, const CffIndex& local, Charstring& result)
-      : global_(global), local_(local), result_(result) {}
+      : global_(global), local_(local), result_(result) {
+    contours_.reserve(usual_contours);
+  }
 
   void run(View code) {
     enter(code);
@@ -219,7 +223,7 @@ class Interpreter {
         points(static_cast<Eigen::Index>(i), 1) = list_[2 * i + 1];
       }
       kinds_.resize(n);
-      result_.contours.emplace_back(std::move(points), kinds_);
+      contours_.emplace_back(std::move(points), kinds_);
       result_.is_closed_by_line.push_back(is_closed_by_line);
     }
     list_.clear();
@@ -236,10 +240,11 @@ class Interpreter {
         }
         return static_cast<int>(value);
       };
-      if (!result_.contours.empty() || !kinds_.empty()) throw Malformed("draws, and is an accented letter too");
+      if (!contours_.empty() || !kinds_.empty()) throw Malformed("draws, and is an accented letter too");
       result_.accent = CffAccent{{operand(0), operand(1)}, code(2), code(3)};
     }
     close();
+    result_.contours.assign(std::make_move_iterator(contours_.begin()), std::make_move_iterator(contours_.end()));
   }
 
   void hint() {
@@ -492,7 +497,8 @@ class Interpreter {
   int point_count_ = 0;
   double x_ = 0.0;
   double y_ = 0.0;
-  std::vector<double> list_;  // x, y of the contour so far
+  std::vector<BezierContour> contours_;  // so far; a list that grows among them leaves a hole in memory for every glyph
+  std::vector<double> list_;             // x, y of the contour so far
   std::vector<PointKind> kinds_;
 };
 
@@ -736,6 +742,7 @@ Charstring interpret(View code, const CffIndex& global_subroutines, const CffInd
 
 std::vector<BezierContour> snap(const std::vector<BezierContour>& contours) {
   std::vector<BezierContour> result;
+  result.reserve(contours.size());
   for (const BezierContour& contour : contours) {
     result.push_back(
         contour.with_points(contour.points().unaryExpr([](double v) { return std::round(v * one) / one; })));
