@@ -447,6 +447,7 @@ double one_sided_distance(const BezierContour& from, const BezierContour& to) {
     for (int k = 0; k <= pieces; ++k) {
       const double u = static_cast<double>(k) / pieces;
       const Point place = evaluate(own, u);
+      if ((place - evaluate(other, u)).norm() <= worst) continue;  // the nearest place is no farther than this one
       auto [distance, beyond] = distance_near(other, u, place);
       if (distance > worst && beyond < 0)
         distance = std::min(distance, distance_near(to.segment(to.previous(s)), 1.0, place).distance);
