@@ -28,15 +28,26 @@ constexpr std::size_t undecided_limit = 4096;
 constexpr double overlap_length = 1000.0;
 // Findings of the same two branches this many contact distances apart are one.
 constexpr double merging_distance = 10.0;
-// What is undecided within this length of contour lies on both sides of one cusp or corner. Font units.
-constexpr double local_length = 2.0;
 // Branches are told apart round a point if their directions differ by this. Radians.
 constexpr double least_angle = 1e-4;
 constexpr double largest_window = 1.0;  // radius in which branches round a point are looked at, font units
+// Error of an orientation in doubles, relative to its two products. J. R. Shewchuk, Adaptive Precision Floating-Point
+// Arithmetic and Fast Robust Geometric Predicates, 1997: ccwerrboundA.
+constexpr double orientation_error = 3.3306690738754716e-16;
+// Numbers worked out in a few steps from coordinates are told apart if they differ by this share of what they are made
+// of.
+constexpr double distinct = 1e-9;
 
 double cross(const Point& a, const Point& b) { return a.x() * b.y() - a.y() * b.x(); }
 
+/// Exact: most signs are certain in doubles, CGAL decides the others.
 CGAL::Orientation side(const Point& from, const Point& to, const Point& x) {
+  const double left = (to.x() - from.x()) * (x.y() - from.y());
+  const double right = (to.y() - from.y()) * (x.x() - from.x());
+  const double turn = left - right;
+  if (std::abs(turn) > orientation_error * (std::abs(left) + std::abs(right)) + std::numeric_limits<double>::min()) {
+    return turn > 0.0 ? CGAL::LEFT_TURN : CGAL::RIGHT_TURN;
+  }
   return CGAL::orientation(Kernel::Point_2(from.x(), from.y()), Kernel::Point_2(to.x(), to.y()),
                            Kernel::Point_2(x.x(), x.y()));
 }
@@ -54,30 +65,14 @@ struct Stretch {
   double u1 = 0.0;
 };
 
-/// A stretch with its own control points.
-struct Piece {
-  Stretch on;
-  Bezier curve;
-};
-
-std::size_t count(const Bezier& curve) { return static_cast<std::size_t>(curve.degree) + 1; }
-
-std::array<Piece, 2> halves(const Piece& piece) {
-  const auto part = split(piece.curve, 0.5);
-  const double middle = 0.5 * (piece.on.u0 + piece.on.u1);
-  std::array<Piece, 2> half{piece, piece};
-  half[0].curve = part[0];
-  half[1].curve = part[1];
-  half[0].on.u1 = half[1].on.u0 = middle;
-  return half;
-}
-
 struct Box {
   Point low;
   Point high;
 
-  double size() const { return (high - low).maxCoeff(); }
+  double size() const { return std::max(high.x() - low.x(), high.y() - low.y()); }
 };
+
+std::size_t count(const Bezier& curve) { return static_cast<std::size_t>(curve.degree) + 1; }
 
 Box box(const Bezier& curve) {
   Box box{curve.p[0], curve.p[0]};
@@ -89,7 +84,28 @@ Box box(const Bezier& curve) {
 }
 
 bool apart(const Box& a, const Box& b, double margin) {
-  return (a.low.array() > b.high.array() + margin).any() || (b.low.array() > a.high.array() + margin).any();
+  return a.low.x() > b.high.x() + margin || b.low.x() > a.high.x() + margin || a.low.y() > b.high.y() + margin ||
+         b.low.y() > a.high.y() + margin;
+}
+
+/// A stretch with its own control points and their box.
+struct Piece {
+  Stretch on;
+  Bezier curve;
+  Box box;
+};
+
+std::array<Piece, 2> halves(const Piece& piece) {
+  const auto part = split(piece.curve, 0.5);
+  const Stretch& on = piece.on;
+  const double middle = 0.5 * (on.u0 + on.u1);
+  return {Piece{{on.contour, on.segment, on.u0, middle}, part[0], box(part[0])},
+          Piece{{on.contour, on.segment, middle, on.u1}, part[1], box(part[1])}};
+}
+
+Bezier reversed(Bezier curve) {
+  std::reverse(curve.p.begin(), curve.p.begin() + curve.degree + 1);
+  return curve;
 }
 
 // Certificates on two pieces ------------------------------------------------------------------------------------------
@@ -98,9 +114,14 @@ bool apart(const Box& a, const Box& b, double margin) {
 /// a positive mean of the steps, and it cannot come back to where it was.
 bool goes_forward(const Bezier& curve) {
   const Point chord = curve.end() - curve.start();
+  if (curve.degree == 1) return chord != Point::Zero();
+  constexpr double least_cosine = 1e-6;
   for (std::size_t k = 0; k + 1 < count(curve); ++k) {
     const Point step = curve.p[k + 1] - curve.p[k];
-    if (step != Point::Zero() && step.dot(chord) <= 1e-6 * step.norm() * chord.norm()) return false;
+    if (step == Point::Zero()) continue;
+    const double forward = step.dot(chord);
+    if (forward <= 0.0 || forward * forward <= least_cosine * least_cosine * step.squaredNorm() * chord.squaredNorm())
+      return false;
   }
   return chord != Point::Zero();
 }
@@ -108,40 +129,44 @@ bool goes_forward(const Bezier& curve) {
 /// True if a line parts the control points of the two, and so the curves, with the margin to spare.
 ///
 /// Disjoint hulls of points are parted by a line along an edge of one of them, so every line through two points of one
-/// piece is tried. Its place is chosen in doubles, the parting is proved by exact orientations.
-bool apart(const Bezier& a, const Bezier& b, double margin) {
-  if (apart(box(a), box(b), margin)) return true;
-  const Point origin = a.p[0];
-  for (const Bezier* edges : {&a, &b}) {
-    for (std::size_t i = 0; i < count(*edges); ++i) {
-      for (std::size_t j = i + 1; j < count(*edges); ++j) {
-        const Point along = edges->p[j] - edges->p[i];
-        const Point normal(-along.y(), along.x());
-        const auto range = [&](const Bezier& curve) {
-          auto [low, high] = std::pair(normal.dot(curve.p[0] - origin), normal.dot(curve.p[0] - origin));
-          for (std::size_t k = 1; k < count(curve); ++k) {
-            const double d = normal.dot(curve.p[k] - origin);
-            low = std::min(low, d);
-            high = std::max(high, d);
-          }
-          return std::pair(low, high);
-        };
-        const auto [a_low, a_high] = range(a);
-        const auto [b_low, b_high] = range(b);
-        const double gap = std::max(a_low - b_high, b_low - a_high);
-        if (!(gap > 0.0) || gap * gap <= margin * margin * normal.squaredNorm()) continue;
-        const double middle = 0.5 * (a_low > b_high ? a_low + b_high : a_high + b_low);
-        const Point from = origin + middle / normal.squaredNorm() * normal;
-        const Point to = from + along;
-        const CGAL::Orientation side_of_a = a_low > b_high ? CGAL::LEFT_TURN : CGAL::RIGHT_TURN;
-        const auto all_on = [&](const Bezier& curve, CGAL::Orientation wanted) {
-          for (std::size_t k = 0; k < count(curve); ++k) {
-            if (side(from, to, curve.p[k]) != wanted) return false;
-          }
-          return true;
-        };
-        if (all_on(a, side_of_a) && all_on(b, -side_of_a)) return true;
+/// piece is tried, chords first. Its place is chosen in doubles, the parting is proved by exact orientations.
+bool apart(const Piece& a, const Piece& b, double margin) {
+  if (apart(a.box, b.box, margin)) return true;
+  const auto parted_along = [&](const Bezier& own, const Bezier& other, std::size_t i, std::size_t j) {
+    const Point along = own.p[j] - own.p[i];
+    const Point normal(-along.y(), along.x());
+    const auto range = [&](const Bezier& curve) {
+      auto [low, high] = std::pair(normal.dot(curve.p[0] - own.p[i]), normal.dot(curve.p[0] - own.p[i]));
+      for (std::size_t k = 1; k < count(curve); ++k) {
+        const double d = normal.dot(curve.p[k] - own.p[i]);
+        low = std::min(low, d);
+        high = std::max(high, d);
       }
+      return std::pair(low, high);
+    };
+    const auto [own_low, own_high] = range(own);
+    const auto [other_low, other_high] = range(other);
+    const double gap = std::max(own_low - other_high, other_low - own_high);
+    if (!(gap > 0.0) || gap * gap <= margin * margin * normal.squaredNorm()) return false;
+    const bool own_is_left = own_low > other_high;
+    const double middle = 0.5 * (own_is_left ? own_low + other_high : own_high + other_low);
+    const Point from = own.p[i] + middle / normal.squaredNorm() * normal;
+    const Point to = from + along;
+    const auto all_on = [&](const Bezier& curve, CGAL::Orientation wanted) {
+      for (std::size_t k = 0; k < count(curve); ++k) {
+        if (side(from, to, curve.p[k]) != wanted) return false;
+      }
+      return true;
+    };
+    const CGAL::Orientation side_of_own = own_is_left ? CGAL::LEFT_TURN : CGAL::RIGHT_TURN;
+    return all_on(own, side_of_own) && all_on(other, -side_of_own);
+  };
+  for (std::size_t span = 3; span > 0; --span) {
+    for (std::size_t i = 0; i + span < count(a.curve); ++i) {
+      if (parted_along(a.curve, b.curve, i, i + span)) return true;
+    }
+    for (std::size_t i = 0; i + span < count(b.curve); ++i) {
+      if (parted_along(b.curve, a.curve, i, i + span)) return true;
     }
   }
   return false;
@@ -190,36 +215,116 @@ bool meet_once_at_most(const Bezier& a, const Bezier& b) {
   return sign != 0;
 }
 
-/// True if `a`, which runs into the first point of `b`, meets `b` there only.
+/// True if a line through the joint, where both begin, parts the two but for the joint.
 ///
-/// Seen from the joint, each piece lies in the cone of its control points. A line along an edge of one cone parts them
-/// if each keeps to its side of it and they do not share one of its two rays.
-bool meet_only_at_joint(const Bezier& a, const Bezier& b, double margin) {
-  const Point joint = b.start();
+/// Seen from the joint, each piece lies in the cone of its control points. Lines to try are the one across the way from
+/// the one end to the other, and those along the edges of the cones; what lies on the line may be there on one side of
+/// the joint for the one piece, on the other for the other.
+bool have_parted_cones(const Bezier& a, const Bezier& b, double margin) {
+  const Point joint = a.start();
+  const Point way = b.end() - a.end();
+  const Point across = joint + Point(-way.y(), way.x());
+  const auto all_on = [&](const Bezier& curve, CGAL::Orientation wanted) {
+    for (std::size_t k = 1; k < count(curve); ++k) {
+      if (side(joint, across, curve.p[k]) != wanted && curve.p[k] != joint) return false;
+    }
+    return true;
+  };
+  if (all_on(a, CGAL::LEFT_TURN) && all_on(b, CGAL::RIGHT_TURN)) return true;
   const auto parted_along = [&](const Point& edge, const Bezier& own, const Bezier& other) {
     const Point ray = edge - joint;
-    for (const CGAL::Orientation inside : {CGAL::LEFT_TURN, CGAL::RIGHT_TURN}) {
-      bool parted = true;
-      for (std::size_t k = 0; parted && k < count(own); ++k) {
-        const CGAL::Orientation at = side(joint, edge, own.p[k]);
-        parted = at == inside || (at == CGAL::COLLINEAR && ray.dot(own.p[k] - joint) >= 0.0);
+    CGAL::Orientation inside = CGAL::COLLINEAR;
+    for (std::size_t k = 1; k < count(own); ++k) {
+      const CGAL::Orientation at = side(joint, edge, own.p[k]);
+      if (at == CGAL::COLLINEAR) {
+        if (ray.dot(own.p[k] - joint) < 0.0) return false;
+      } else if (at == -inside) {
+        return false;
+      } else {
+        inside = at;
       }
-      for (std::size_t k = 0; parted && k < count(other); ++k) {
-        const Point x = other.p[k] - joint;
-        if (x == Point::Zero()) continue;
-        const bool forward = ray.dot(x) > 0.0;
-        parted = side(joint, edge, other.p[k]) != inside &&
-                 (!forward || std::abs(cross(ray, x)) > margin * std::max(ray.norm(), x.norm()));
-      }
-      if (parted) return true;
     }
-    return false;
+    for (std::size_t k = 1; k < count(other); ++k) {
+      const Point x = other.p[k] - joint;
+      if (x == Point::Zero()) continue;
+      const CGAL::Orientation at = side(joint, edge, other.p[k]);
+      if (inside == CGAL::COLLINEAR) inside = -at;
+      if (at == inside && at != CGAL::COLLINEAR) return false;
+      if (ray.dot(x) > 0.0 && std::abs(cross(ray, x)) <= margin * std::max(ray.norm(), x.norm())) return false;
+    }
+    return true;
   };
-  for (std::size_t k = 0; k + 1 < count(a); ++k) {
+  for (std::size_t k = 1; k < count(a); ++k) {
     if (a.p[k] != joint && parted_along(a.p[k], a, b)) return true;
   }
   for (std::size_t k = 1; k < count(b); ++k) {
     if (b.p[k] != joint && parted_along(b.p[k], b, a)) return true;
+  }
+  return false;
+}
+
+/// What y / x^2 of a curve may be, over a line through its first point: the curvature there, and how it goes on.
+struct Bend {
+  double low = 0.0;
+  double high = 0.0;
+  bool is_one_sided = false;  // y is 0 nowhere but at the first point
+};
+
+/// Of a curve that from its first point on keeps ahead along the direction; nothing if it does not.
+///
+/// With y = t^m q(t), x = t^l p(t) and Bernstein coefficients of q and p from the points' own. Points nearer than the
+/// margin to the line lie on it.
+std::optional<Bend> bend(const Bezier& curve, const Point& along, double margin) {
+  constexpr std::array<std::array<double, 4>, 4> binomial{{{1, 0, 0, 0}, {1, 1, 0, 0}, {1, 2, 1, 0}, {1, 3, 3, 1}}};
+  struct Power {
+    std::size_t order = 0;
+    double low = 0.0;
+    double high = 0.0;
+  };
+  const auto n = static_cast<std::size_t>(curve.degree);
+  const auto power = [&](const Point& direction) {
+    std::array<double, 4> x{};
+    std::size_t m = n;
+    for (std::size_t k = n; k > 0; --k) {
+      x[k] = direction.dot(curve.p[k] - curve.p[0]);
+      if (std::abs(x[k]) <= margin) x[k] = 0.0;
+      if (x[k] != 0.0) m = k;
+    }
+    Power factor{m, x[m] * binomial[n][m], x[m] * binomial[n][m]};
+    for (std::size_t k = m + 1; k <= n; ++k) {
+      const double coefficient = x[k] * binomial[n][k] / binomial[n - m][k - m];
+      factor.low = std::min(factor.low, coefficient);
+      factor.high = std::max(factor.high, coefficient);
+    }
+    return factor;
+  };
+  const Power x = power(along);
+  if (!(x.low > 0.0)) return std::nullopt;
+  const Power y = power({-along.y(), along.x()});
+  Bend bend{y.low / (y.low < 0.0 ? x.low * x.low : x.high * x.high),
+            y.high / (y.high > 0.0 ? x.low * x.low : x.high * x.high), y.low > 0.0 || y.high < 0.0};
+  // times t^(m - 2 l), t in (0, 1]
+  if (y.order > 2 * x.order) {
+    bend.low = std::min(bend.low, 0.0);
+    bend.high = std::max(bend.high, 0.0);
+  } else if (y.order < 2 * x.order) {
+    if (bend.low < 0.0) bend.low = -std::numeric_limits<double>::infinity();
+    if (bend.high > 0.0) bend.high = std::numeric_limits<double>::infinity();
+  }
+  return bend;
+}
+
+/// True if the two, which begin at one joint and leave it alike, bend away from each other all along.
+bool bend_apart(const Bezier& a, const Bezier& b, double margin) {
+  const auto is_below = [](const Bend& x, const Bend& y) {
+    if (x.high == 0.0 && y.low == 0.0) return x.is_one_sided || y.is_one_sided;
+    return x.high < y.low - distinct * std::max(std::abs(x.high), std::abs(y.low));
+  };
+  for (const Bezier* leading : {&a, &b}) {
+    const Point along = start_tangent(*leading);
+    const auto bend_a = bend(a, along, margin);
+    const auto bend_b = bend(b, along, margin);
+    if (bend_a && bend_b && (is_below(*bend_a, *bend_b) || is_below(*bend_b, *bend_a))) return true;
   }
   return false;
 }
@@ -235,17 +340,18 @@ bool are_same_or_reversed(const Bezier& a, const Bezier& b) {
 /// Where two pieces meet, or cannot be told apart.
 struct Hit {
   Meeting meeting = Meeting::Contact;
-  bool proved = false;
   Stretch a;
   Stretch b;
 };
 
-/// Two pieces, and whether one runs into the other at an end that neighbours along the contour share.
+/// Two pieces, and which of their ends are one point that is known: `joint[i][j]` is end i of a (0 its start, 1 its
+/// end) and end j of b.
 struct Pair {
   Piece a;
   Piece b;
-  bool a_into_b = false;
-  bool b_into_a = false;
+  std::array<std::array<bool, 2>, 2> joint{};
+
+  int joints() const { return joint[0][0] + joint[0][1] + joint[1][0] + joint[1][1]; }
 };
 
 /// What a test says of a pair: nothing, that the two do not meet (but at their joint), or how they meet.
@@ -277,7 +383,7 @@ std::optional<Hit> common_point(const Piece& a, const Piece& b, double margin) {
     if (std::abs(ds) + std::abs(dt) < 1e-14) break;
   }
   if ((evaluate(b.curve, t) - evaluate(a.curve, s)).norm() > margin) return std::nullopt;
-  return Hit{Meeting::Crossing, true, at(a, s), at(b, t)};
+  return Hit{Meeting::Crossing, at(a, s), at(b, t)};
 }
 
 /// What exact orientations say of two lines: their meeting, or that they meet only at their joint. Nothing is said of
@@ -290,7 +396,7 @@ Verdict compare_lines(const Pair& pair, double margin) {
   const auto& q = b.curve.p;
   const std::array on_a{side(p[0], p[1], q[0]), side(p[0], p[1], q[1])};
   const std::array on_b{side(q[0], q[1], p[0]), side(q[0], q[1], p[1])};
-  const auto touch = [](Stretch x, Stretch y) { return Verdict{true, Hit{Meeting::Contact, true, x, y}}; };
+  const auto touch = [](Stretch x, Stretch y) { return Verdict{true, Hit{Meeting::Contact, x, y}}; };
 
   if (on_a[0] == CGAL::COLLINEAR && on_a[1] == CGAL::COLLINEAR) {
     Eigen::Index axis = 0;
@@ -307,11 +413,11 @@ Verdict compare_lines(const Pair& pair, double margin) {
       stretch.u1 = std::clamp(t1, 0.0, 1.0);
       return stretch;
     };
-    if (low < high) return {true, Hit{Meeting::Overlap, true, part(a), part(b)}};
-    if (pair.a_into_b || pair.b_into_a) return {true, std::nullopt};
+    if (low < high) return {true, Hit{Meeting::Overlap, part(a), part(b)}};
+    if (pair.joints() > 0) return {true, std::nullopt};
     return touch(part(a), part(b));
   }
-  if (pair.a_into_b || pair.b_into_a) return {};
+  if (pair.joints() > 0) return {};
   if (on_a[0] == on_a[1] || on_b[0] == on_b[1]) return {};
   const double area = cross(p[1] - p[0], q[1] - q[0]);
   const double s = std::clamp(cross(q[0] - p[0], q[1] - q[0]) / area, 0.0, 1.0);
@@ -324,7 +430,32 @@ Verdict compare_lines(const Pair& pair, double margin) {
     if (on_b[k] == CGAL::COLLINEAR) return touch(at(a, end), at(b, t));
   }
   if (!must_cross(a.curve, b.curve, margin)) return {};
-  return {true, Hit{Meeting::Crossing, true, at(a, s), at(b, t)}};
+  return {true, Hit{Meeting::Crossing, at(a, s), at(b, t)}};
+}
+
+/// What exact orientations say of a line and a curve that keeps to one side of it and reaches it: it does so with an
+/// end, since between its ends a curve is as far from the line as a positive mean of its points.
+Verdict compare_line_and_curve(const Piece& line, const Piece& curve) {
+  const Point& from = line.curve.start();
+  const Point& to = line.curve.end();
+  CGAL::Orientation beyond = CGAL::COLLINEAR;
+  std::array<CGAL::Orientation, 2> ends{};
+  for (std::size_t k = 0; k < count(curve.curve); ++k) {
+    const CGAL::Orientation here = side(from, to, curve.curve.p[k]);
+    if (k == 0) ends[0] = here;
+    ends[1] = here;
+    if (here == CGAL::COLLINEAR) continue;
+    if (here == -beyond) return {};
+    beyond = here;
+  }
+  if (beyond == CGAL::COLLINEAR || (ends[0] == CGAL::COLLINEAR) == (ends[1] == CGAL::COLLINEAR)) return {};
+  const bool at_start = ends[0] == CGAL::COLLINEAR;
+  const Point x = at_start ? curve.curve.start() : curve.curve.end();
+  Eigen::Index axis = 0;
+  (to - from).cwiseAbs().maxCoeff(&axis);
+  const double t = (x[axis] - from[axis]) / (to[axis] - from[axis]);
+  if (!(t > 0.0 && t < 1.0)) return {};
+  return {true, Hit{Meeting::Contact, at(line, t), at(curve, at_start ? 0.0 : 1.0)}};
 }
 
 /// Joins undecided hits that follow each other along both pieces, so that a long chain is one hit.
@@ -351,35 +482,39 @@ std::vector<Hit> join_chains(std::vector<Hit> hits) {
 
 /// What the certificates say of two pieces as they are. Pieces joined at both ends have to be halved first.
 Verdict judge(const Pair& pair, double margin) {
-  const Bezier& a = pair.a.curve;
-  const Bezier& b = pair.b.curve;
-  if (pair.a_into_b || pair.b_into_a) {
-    if (pair.a_into_b && pair.b_into_a) return {};
-    return {pair.a_into_b ? meet_only_at_joint(a, b, margin) : meet_only_at_joint(b, a, margin), std::nullopt};
+  const int joints = pair.joints();
+  if (joints > 1) return {};
+  if (joints == 1) {
+    const bool a_begins = pair.joint[0][0] || pair.joint[0][1];
+    const bool b_begins = pair.joint[0][0] || pair.joint[1][0];
+    const Bezier a = a_begins ? pair.a.curve : reversed(pair.a.curve);
+    const Bezier b = b_begins ? pair.b.curve : reversed(pair.b.curve);
+    return {have_parted_cones(a, b, margin) || bend_apart(a, b, margin), std::nullopt};
   }
-  if (apart(a, b, margin)) return {true, std::nullopt};
-  if (!meet_once_at_most(a, b) || !must_cross(a, b, margin)) return {};
+  if (apart(pair.a, pair.b, margin)) return {true, std::nullopt};
+  if (!meet_once_at_most(pair.a.curve, pair.b.curve) || !must_cross(pair.a.curve, pair.b.curve, margin)) return {};
   const auto hit = common_point(pair.a, pair.b, margin);
   return {hit.has_value(), hit};
 }
 
-/// The pair with the larger piece halved, or both if they are of a size; so neither is cut down to its rounding. The
-/// inner halves of a joined pair are joined, the other pairs are ordinary.
-std::vector<Pair> parts(const Pair& pair) {
-  const double a_size = box(pair.a.curve).size();
-  const double b_size = box(pair.b.curve).size();
+/// Adds the pairs of parts when the larger piece is halved, or both if they are of a size; so neither is cut down to
+/// its rounding. The parts at a joint are joined, the others are ordinary pairs.
+void add_parts(const Pair& pair, std::vector<Pair>& parts) {
+  const double a_size = pair.a.box.size();
+  const double b_size = pair.b.box.size();
   const bool cut_a = a_size >= 0.5 * b_size;
   const bool cut_b = b_size >= 0.5 * a_size;
   const auto a = cut_a ? halves(pair.a) : std::array{pair.a, pair.a};
   const auto b = cut_b ? halves(pair.b) : std::array{pair.b, pair.b};
-  std::vector<Pair> parts;
   for (std::size_t i = 0; i < (cut_a ? 2 : 1); ++i) {
     for (std::size_t j = 0; j < (cut_b ? 2 : 1); ++j) {
-      parts.push_back({a[i], b[j], pair.a_into_b && (!cut_a || i == 1) && (!cut_b || j == 0),
-                       pair.b_into_a && (!cut_b || j == 1) && (!cut_a || i == 0)});
+      Pair& part = parts.emplace_back(Pair{a[i], b[j], pair.joint});
+      for (std::size_t k = 0; k < 2; ++k) {
+        if (cut_a) part.joint[1 - i][k] = false;
+        if (cut_b) part.joint[k][1 - j] = false;
+      }
     }
   }
-  return parts;
 }
 
 void spend(long& budget, long work) {
@@ -387,56 +522,175 @@ void spend(long& budget, long work) {
   if (budget < 0) throw WorkLimitExceeded("find_crossings: too many pieces lie on each other");
 }
 
-/// All meetings of two pieces that go forward: they are halved until every pair of parts is apart, crosses once, meets
-/// only at its joint, or is too small to tell.
+/// Adds all meetings of two pieces that go forward: they are halved until every pair of parts is apart, crosses once,
+/// meets only at its joint, or is too small to tell.
 ///
 /// Depth by depth, not pair by pair, so that an overlap shows early as a row of undecided pairs that keeps doubling.
-std::vector<Hit> meetings(const Pair& whole, const Tolerance& tolerance, long& budget) {
-  if (are_same_or_reversed(whole.a.curve, whole.b.curve)) return {{Meeting::Overlap, true, whole.a.on, whole.b.on}};
-  if (whole.a.curve.degree == 1 && whole.b.curve.degree == 1) {
-    const Verdict verdict = compare_lines(whole, tolerance.margin);
-    if (verdict.decided) return verdict.hit ? std::vector<Hit>{*verdict.hit} : std::vector<Hit>{};
+void add_meetings(Pair whole, const Tolerance& tolerance, long& budget, std::vector<Hit>& hits) {
+  if (are_same_or_reversed(whole.a.curve, whole.b.curve)) {
+    hits.push_back({Meeting::Overlap, whole.a.on, whole.b.on});
+    return;
   }
-  std::vector<Hit> crossings;
+  const bool a_is_line = whole.a.curve.degree == 1;
+  const bool b_is_line = whole.b.curve.degree == 1;
+  Verdict verdict;
+  if (a_is_line && b_is_line) verdict = compare_lines(whole, tolerance.margin);
+  if (a_is_line && !b_is_line && whole.joints() == 0) verdict = compare_line_and_curve(whole.a, whole.b);
+  if (b_is_line && !a_is_line && whole.joints() == 0) verdict = compare_line_and_curve(whole.b, whole.a);
+  if (verdict.hit) hits.push_back(*verdict.hit);
+  if (verdict.decided) return;
+  // Ends that are one point though no neighbours share it.
+  for (std::size_t i = 0; i < 2; ++i) {
+    for (std::size_t j = 0; j < 2; ++j) {
+      const Point& a = i == 0 ? whole.a.curve.start() : whole.a.curve.end();
+      const Point& b = j == 0 ? whole.b.curve.start() : whole.b.curve.end();
+      if (whole.joint[i][j] || a != b) continue;
+      whole.joint[i][j] = true;
+      hits.push_back({Meeting::Contact, at(whole.a, static_cast<double>(i)), at(whole.b, static_cast<double>(j))});
+    }
+  }
+  verdict = judge(whole, tolerance.margin);
+  if (verdict.hit) hits.push_back(*verdict.hit);
+  if (verdict.decided) return;
+
   std::vector<Hit> undecided;
-  std::vector<Pair> open{whole};
+  std::vector<Pair> open;
+  std::vector<Pair> next;
+  add_parts(whole, open);
   while (!open.empty()) {
     const bool is_last = open.size() > undecided_limit;
     spend(budget, static_cast<long>(open.size()));
-    std::vector<Pair> next;
+    next.clear();
     for (const Pair& pair : open) {
-      const Verdict verdict = judge(pair, tolerance.margin);
-      if (verdict.hit) crossings.push_back(*verdict.hit);
+      verdict = judge(pair, tolerance.margin);
+      if (verdict.hit) hits.push_back(*verdict.hit);
       if (verdict.decided) continue;
-      const bool is_small = std::max(box(pair.a.curve).size(), box(pair.b.curve).size()) < tolerance.contact;
+      const bool is_small = std::max(pair.a.box.size(), pair.b.box.size()) < tolerance.contact;
       if (is_last || is_small) {
-        undecided.push_back({Meeting::Contact, false, pair.a.on, pair.b.on});
+        undecided.push_back({Meeting::Contact, pair.a.on, pair.b.on});
       } else {
-        const std::vector<Pair> halved = parts(pair);
-        next.insert(next.end(), halved.begin(), halved.end());
+        add_parts(pair, next);
       }
     }
-    open = std::move(next);
+    std::swap(open, next);
   }
-  std::vector<Hit> hits = join_chains(std::move(undecided));
-  hits.insert(hits.end(), crossings.begin(), crossings.end());
-  return hits;
+  const std::vector<Hit> chains = join_chains(std::move(undecided));
+  hits.insert(hits.end(), chains.begin(), chains.end());
 }
 
 // The pairs to search -------------------------------------------------------------------------------------------------
 
-/// The contour cut into pieces that go forward, in order, segments of no length left out.
-std::vector<Piece> forward_pieces(const BezierContour& contour, int index, double contact) {
-  std::vector<Piece> pieces;
-  for (int s = 0; s < contour.segment_count(); ++s) {
-    std::vector<Piece> open{{{index, s, 0.0, 1.0}, contour.segment(s)}};
-    if (is_degenerate(open.back().curve)) continue;
+/// True if all points lie within the distance from the line through two of them.
+bool is_flat(const Bezier& curve, double distance) {
+  Point along = Point::Zero();
+  for (std::size_t k = 1; k < count(curve); ++k) {
+    const Point step = curve.p[k] - curve.p[0];
+    if (step.squaredNorm() > along.squaredNorm()) along = step;
+  }
+  const double length = along.norm();
+  for (std::size_t k = 1; k < count(curve); ++k) {
+    if (std::abs(cross(along, curve.p[k] - curve.p[0])) > distance * length) return false;
+  }
+  return true;
+}
+
+/// The parameters s <= t where a curve that is not flat passes one point twice: none, or one pair of a cubic. Of a
+/// loop smaller than the margin, which is a cusp, none.
+///
+/// With x(u) = a u^3 + b u^2 + c u, (x(t) - x(s)) / (t - s) = a ((s + t)^2 - s t) + b (s + t) + c is 0, two equations
+/// for s + t and s t.
+std::optional<std::pair<double, double>> double_point(const Bezier& curve, double margin) {
+  if (curve.degree < 3) return std::nullopt;
+  const auto& p = curve.p;
+  const Point c = 3.0 * (p[1] - p[0]);
+  const Point b = 3.0 * (p[2] - p[1]) - c;
+  const Point a = p[3] - p[0] - c - b;
+  const double ab = cross(a, b);
+  const double sum = -cross(a, c) / ab;
+  const double product = sum * sum - cross(b, c) / ab;
+  const double gap = sum * sum - 4.0 * product;  // (t - s)^2
+  const double before = product;                 // s t
+  const double after = 1.0 - sum + product;      // (1 - s) (1 - t)
+  if (!(sum >= -distinct && sum <= 2.0 + distinct && before >= -distinct && after >= -distinct)) return std::nullopt;
+  // Half way the second derivative is 2 b + 3 a sum; the loop is about an eighth of it by (t - s)^2 deep.
+  if (!(gap > 0.0) || 0.125 * gap * (2.0 * b + 3.0 * sum * a).norm() <= margin) return std::nullopt;
+  const auto snap = [](double u) { return u < distinct ? 0.0 : u > 1.0 - distinct ? 1.0 : u; };
+  return std::pair(snap(0.5 * (sum - std::sqrt(gap))), snap(0.5 * (sum + std::sqrt(gap))));
+}
+
+/// All segments cut into pieces that go forward, in order.
+class Pieces {
+ public:
+  Pieces(const std::vector<BezierContour>& contours, const Tolerance& tolerance);
+
+  const Piece& operator[](std::size_t i) const { return pieces_[i]; }
+  std::size_t size() const { return pieces_.size(); }
+  /// The piece that a piece runs into, segments of no length passed over.
+  std::size_t next(std::size_t i) const { return next_[i]; }
+  /// True if the two belong to one segment that has been looked at as a whole.
+  bool are_settled(std::size_t i, std::size_t j) const {
+    return settled_[i] && pieces_[i].on.segment == pieces_[j].on.segment &&
+           pieces_[i].on.contour == pieces_[j].on.contour;
+  }
+  /// Where segments meet themselves, found on the way.
+  const std::vector<Hit>& loops() const { return loops_; }
+
+ private:
+  void add(const Bezier& curve, int contour, int segment, const Tolerance& tolerance);
+
+  std::vector<Piece> pieces_;
+  std::vector<std::size_t> next_;
+  std::vector<bool> settled_;
+  std::vector<Hit> loops_;
+};
+
+Pieces::Pieces(const std::vector<BezierContour>& contours, const Tolerance& tolerance) {
+  std::size_t segments = 0;
+  for (const BezierContour& contour : contours) segments += static_cast<std::size_t>(contour.segment_count());
+  pieces_.reserve(segments + segments / 4);
+  next_.reserve(segments + segments / 4);
+  for (std::size_t c = 0; c < contours.size(); ++c) {
+    const std::size_t first = pieces_.size();
+    for (int s = 0; s < contours[c].segment_count(); ++s) {
+      add(contours[c].segment(s), static_cast<int>(c), s, tolerance);
+    }
+    for (std::size_t i = first; i < pieces_.size(); ++i) next_.push_back(i + 1);
+    if (pieces_.size() == first) continue;
+    next_.back() = first;
+    const auto closes = [&](const Hit& loop) {
+      return loop.a.contour == static_cast<int>(c) && loop.a.u0 == 0.0 && loop.b.u0 == 1.0;
+    };
+    // A contour of one segment ends where it began.
+    if (pieces_[first].on.segment == pieces_.back().on.segment) std::erase_if(loops_, closes);
+    for (std::size_t i = first; i < pieces_.size(); ++i) {
+      Bezier& follower = pieces_[next_[i]].curve;
+      follower.p[0] = pieces_[i].curve.end();  // the same but after a segment passed over
+    }
+  }
+}
+
+void Pieces::add(const Bezier& curve, int contour, int segment, const Tolerance& tolerance) {
+  const Piece whole{{contour, segment, 0.0, 1.0}, curve, box(curve)};
+  if (whole.box.size() <= tolerance.margin) return;
+  bool settled = false;
+  if (goes_forward(curve)) {
+    pieces_.push_back(whole);
+  } else {
+    settled = !is_flat(curve, tolerance.contact);
+    if (settled) {
+      if (const auto twice = double_point(curve, tolerance.margin)) {
+        const bool at_node = twice->first == 0.0 || twice->second == 1.0;
+        loops_.push_back(
+            {at_node ? Meeting::Contact : Meeting::Crossing, at(whole, twice->first), at(whole, twice->second)});
+      }
+    }
+    std::vector<Piece> open{whole};
     while (!open.empty()) {
       const Piece piece = open.back();
       open.pop_back();
       // At a cusp no part ever goes forward; one of this size cannot be told from a point.
-      if (goes_forward(piece.curve) || box(piece.curve).size() < contact) {
-        pieces.push_back(piece);
+      if (goes_forward(piece.curve) || piece.box.size() < tolerance.contact) {
+        pieces_.push_back(piece);
       } else {
         const auto half = halves(piece);
         open.push_back(half[1]);
@@ -444,37 +698,36 @@ std::vector<Piece> forward_pieces(const BezierContour& contour, int index, doubl
       }
     }
   }
-  return pieces;
+  settled_.resize(pieces_.size(), settled);
 }
 
 /// All hits between pieces whose boxes meet, found by sweeping the boxes in x.
 std::vector<Hit> all_hits(const std::vector<BezierContour>& contours, const Tolerance& tolerance, long budget) {
-  std::vector<Piece> pieces;
-  std::vector<std::size_t> next;  // the piece that a piece runs into
-  for (std::size_t c = 0; c < contours.size(); ++c) {
-    const std::size_t first = pieces.size();
-    for (const Piece& piece : forward_pieces(contours[c], static_cast<int>(c), tolerance.contact)) {
-      pieces.push_back(piece);
-      next.push_back(pieces.size());
-    }
-    if (pieces.size() > first) next.back() = first;
-  }
-  std::vector<Box> boxes;
-  boxes.reserve(pieces.size());
-  for (const Piece& piece : pieces) boxes.push_back(box(piece.curve));
-  std::vector<std::size_t> order(pieces.size());
-  std::iota(order.begin(), order.end(), std::size_t{0});
-  std::stable_sort(order.begin(), order.end(),
-                   [&](std::size_t i, std::size_t j) { return boxes[i].low.x() < boxes[j].low.x(); });
-  std::vector<Hit> hits;
-  for (std::size_t m = 0; m < order.size(); ++m) {
-    const double reach = boxes[order[m]].high.x() + tolerance.margin;
-    for (std::size_t k = m + 1; k < order.size() && boxes[order[k]].low.x() <= reach; ++k) {
-      const auto [i, j] = std::minmax({order[m], order[k]});
-      if (apart(boxes[i], boxes[j], tolerance.margin)) continue;
-      const auto found = meetings({pieces[i], pieces[j], next[i] == j, next[j] == i}, tolerance, budget);
-      hits.insert(hits.end(), found.begin(), found.end());
-      spend(budget, 1 + static_cast<long>(found.size() * hits.size()));  // hits are compared with each other later
+  const Pieces pieces(contours, tolerance);
+  std::vector<Hit> hits = pieces.loops();
+  struct Entry {
+    Box box;
+    std::size_t piece;
+  };
+  std::vector<Entry> entries;
+  entries.reserve(pieces.size());
+  for (std::size_t i = 0; i < pieces.size(); ++i) entries.push_back({pieces[i].box, i});
+  std::sort(entries.begin(), entries.end(), [](const Entry& x, const Entry& y) {
+    return x.box.low.x() < y.box.low.x() || (x.box.low.x() == y.box.low.x() && x.piece < y.piece);
+  });
+  for (std::size_t m = 0; m < entries.size(); ++m) {
+    const Box here = entries[m].box;
+    const double reach = here.high.x() + tolerance.margin;
+    for (std::size_t k = m + 1; k < entries.size() && entries[k].box.low.x() <= reach; ++k) {
+      if (apart(here, entries[k].box, tolerance.margin)) continue;
+      const auto [i, j] = std::minmax({entries[m].piece, entries[k].piece});
+      if (pieces.are_settled(i, j)) continue;
+      Pair pair{pieces[i], pieces[j]};
+      pair.joint[1][0] = pieces.next(i) == j;
+      pair.joint[0][1] = pieces.next(j) == i;
+      const std::size_t before = hits.size();
+      add_meetings(pair, tolerance, budget, hits);
+      spend(budget, 1 + static_cast<long>((hits.size() - before) * hits.size()));  // they are compared later
     }
   }
   return hits;
@@ -523,7 +776,7 @@ class Findings {
   bool is_near(const Stretch& x, const Stretch& y) const;
   bool is_near(const Hit& x, const Hit& y) const;
   std::vector<Cluster> clusters(std::vector<Hit> hits) const;
-  bool is_local(const Cluster& cluster) const;
+  bool is_one_place(const Cluster& cluster) const;
   double extent(const Cluster& cluster) const;
   Place nearest(const Stretch& on, const Point& x) const;
   Crossing finding(Meeting meeting, Place a, Place b) const;
@@ -578,15 +831,15 @@ std::vector<Findings::Cluster> Findings::clusters(std::vector<Hit> hits) const {
   return clusters;
 }
 
-/// True if nothing is proved and all of it lies within a short way along one contour: the two sides of a cusp come as
-/// near each other as one likes, and this is no meeting.
-bool Findings::is_local(const Cluster& cluster) const {
+/// True if the contour does not go away in between: what lies that near along it is told apart as little as what lies
+/// that near across it.
+bool Findings::is_one_place(const Cluster& cluster) const {
   return std::all_of(cluster.begin(), cluster.end(), [&](const Hit& hit) {
-    if (hit.proved || hit.a.contour != hit.b.contour) return false;
+    if (hit.a.contour != hit.b.contour) return false;
     const Path& along = path(hit.a.contour);
     const double a_to_b = along.way(along.position(hit.a.segment, hit.a.u0), along.position(hit.b.segment, hit.b.u1));
     const double b_to_a = along.way(along.position(hit.b.segment, hit.b.u0), along.position(hit.a.segment, hit.a.u1));
-    return std::min(a_to_b, b_to_a) <= local_length;
+    return std::min(a_to_b, b_to_a) <= merging_distance * tolerance_.contact;
   });
 }
 
@@ -688,7 +941,8 @@ Crossing Findings::polished(const Crossing& crossing) const {
     const double from = std::max(0.0, place.u - reach);
     const double to = std::min(1.0, place.u + reach);
     const Bezier after = split(curve, from)[1];
-    return Piece{{place.contour, place.segment, from, to}, split(after, (to - from) / (1.0 - from))[0]};
+    const Bezier part = split(after, (to - from) / (1.0 - from))[0];
+    return Piece{{place.contour, place.segment, from, to}, part, box(part)};
   };
   const auto hit = common_point(around(crossing.a), around(crossing.b), tolerance_.margin);
   if (!hit) return crossing;
@@ -775,7 +1029,6 @@ std::vector<Crossing> Findings::from(const std::vector<Hit>& hits) const {
   struct Draft {
     Crossing crossing;
     bool is_settled;
-    bool is_local;
     double reach;  // how far from each other the hits are
   };
   std::vector<Draft> drafts;
@@ -784,19 +1037,17 @@ std::vector<Crossing> Findings::from(const std::vector<Hit>& hits) const {
       return std::any_of(cluster.begin(), cluster.end(), [&](const Hit& hit) { return hit.meeting == meeting; });
     };
     const double reach = extent(cluster);
-    const bool local = is_local(cluster);
-    const bool is_long = reach > overlap_length * tolerance_.contact;
-    if (has(Meeting::Overlap) || (is_long && !local)) {
-      drafts.push_back({overlap(cluster), true, local, reach});
+    if (has(Meeting::Overlap) || reach > overlap_length * tolerance_.contact) {
+      drafts.push_back({overlap(cluster), true, reach});
     } else if (has(Meeting::Crossing)) {
       for (const Hit& hit : cluster) {
         if (hit.meeting != Meeting::Crossing) continue;
         const Place a{hit.a.contour, hit.a.segment, hit.a.u0};
         const Place b{hit.b.contour, hit.b.segment, hit.b.u0};
-        drafts.push_back({finding(Meeting::Crossing, a, b), true, local, reach});
+        drafts.push_back({finding(Meeting::Crossing, a, b), true, reach});
       }
-    } else if (!is_long) {
-      drafts.push_back({contact(cluster), false, local, reach});
+    } else if (!is_one_place(cluster)) {
+      drafts.push_back({contact(cluster), false, reach});
     }
   }
 
@@ -807,7 +1058,7 @@ std::vector<Crossing> Findings::from(const std::vector<Hit>& hits) const {
       // Only this meeting may lie in the disc: others of the same two contours would mix their branches into it.
       double largest = largest_window;
       for (const Draft& other : drafts) {
-        if (&other == &draft || other.is_local || other.crossing.a.contour != crossing.a.contour ||
+        if (&other == &draft || other.crossing.a.contour != crossing.a.contour ||
             other.crossing.b.contour != crossing.b.contour) {
           continue;
         }
@@ -815,7 +1066,6 @@ std::vector<Crossing> Findings::from(const std::vector<Hit>& hits) const {
       }
       crossing.meeting = kind_of_contact(crossing, 2.0 * draft.reach + 4.0 * tolerance_.contact, largest);
       if (crossing.meeting == Meeting::Crossing) crossing = polished(crossing);
-      if (crossing.meeting == Meeting::Contact && draft.is_local) continue;
     }
     found.push_back(crossing);
   }

@@ -37,22 +37,28 @@ struct CrossingOptions {
 
 /// Every place where the contours meet themselves or each other.
 ///
-/// Ends that neighbouring segments share are no finding; everything else is: loops within one cubic, crossings shorter
-/// than one unit, contacts, overlaps. Segments of no length are passed over. A finding at a node shared by several
-/// segments is listed once, as a crossing if the branches interleave round the node; a stretch of overlap is listed
-/// once, however many segments it runs over. Sorted by contours, then segments, then parameters.
+/// A crossing is a place where two branches of the outline go through each other: in the middle of segments, at nodes
+/// (if the branches interleave round the node), within one cubic, and however short what lies beyond is. What comes up
+/// to another branch and stays on its side is a contact: a corner on an edge, a node on a node, curves that touch. What
+/// cannot be told from that is a contact too, never clear. A stretch run twice is an overlap, in either direction. No
+/// finding: the ends that neighbouring segments share, whatever the angle, so neither corners nor cusps; segments of
+/// no length, which are passed over.
+///
+/// A finding at a node shared by several segments is listed once; a stretch of overlap is listed once, however many
+/// segments it runs over. Sorted by contours, then segments, then parameters.
 ///
 /// Units   font units; `u` is good to 1e-6 of a segment of ordinary size.
-/// Exact   a pair reported as `Crossing` crosses and a pair not reported is apart: both by CGAL's exact predicates on
-///         the control points of the pieces, with a margin (1e-9 units up to coordinates of 10^4) for the rounding of
-///         their subdivision. What is neither apart nor crossing when cut down to
-///         `contact_distance` is a `Contact`, or an `Overlap` if it goes on for a thousand times that distance or for
-///         more pieces than the check will cut.
-///         Not seen: contacts (never crossings proved) between places less than two units apart along the contour, as
-///         at a cusp; loops smaller than `contact_distance`.
+/// Exact   a pair reported as `Crossing` crosses and a pair not reported is apart, both by exact predicates on the
+///         control points of the pieces, with a margin (1e-9 units up to coordinates of 10^4) for the rounding of
+///         their subdivision; halves of whole and half coordinates are exact to begin with. Ends that are one point,
+///         an end on a straight edge, and a curve that touches a line with an end are contacts by the points
+///         themselves; neighbours that leave their node alike are told apart by curvature. What is neither apart nor
+///         crossing when cut down to `contact_distance` is a `Contact`, or an `Overlap` if it goes on for a thousand
+///         times that distance or for more pieces than the check will cut.
+///         Not seen: contacts between places less than ten times `contact_distance` apart along the contour; the loop
+///         of a cubic if smaller than the margin.
 /// Throws  InvalidInput if contact_distance is not positive; WorkLimitExceeded on outlines that lie on themselves so
-/// often
-///         that listing it would take `most_work`.
+///         often that listing it would take `most_work`.
 std::vector<Crossing> find_crossings(const std::vector<BezierContour>& contours, const CrossingOptions& options = {});
 
 /// True if the contour meets itself nowhere.
