@@ -7,6 +7,7 @@
 #include "fontcore/measure.h"
 #include "fontcore/alignment.h"
 #include "fontcore/crossing.h"
+#include "fontcore/ink.h"
 #include "fontcore/profile.h"
 #include "fontcore/wavelet.h"
 #include "fontcore/nonuniform.h"
