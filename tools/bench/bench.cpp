@@ -1,19 +1,31 @@
-// Time per curve of the wavelet filters, 2-D doubles, beside one memcpy of the same data; and of one move of a drag.
+// Time per curve of the wavelet filters, 2-D doubles, beside one memcpy of the same data; of one move of a drag; and
+// per glyph of the crossing check and of the ink, over the bundled fonts and any others named.
+//
+//     glyphwave_bench [--benchmark_filter=find_crossings ...] [FONT ...]
 
 #include <benchmark/benchmark.h>
 #include <malloc.h>
 
+#include <algorithm>
 #include <array>
+#include <chrono>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
+#include <iostream>
 #include <limits>
 #include <memory>
 #include <numbers>
 #include <span>
+#include <string>
+#include <vector>
 
+#include "fontcore/crossing.h"
 #include "fontcore/drag.h"
+#include "fontcore/error.h"
+#include "fontcore/ink.h"
 #include "fontcore/wavelet.h"
+#include "glyphs/font_file.h"
 
 namespace {
 
@@ -134,6 +146,75 @@ void drag_begin(benchmark::State& state) {
   for (auto _ : state) benchmark::DoNotOptimize(begin_drag(static_cast<int>(state.range(0)), false));
 }
 
+using Outlines = std::vector<std::vector<fontcore::BezierContour>>;
+
+// Of large fonts evenly chosen ones.
+Outlines outlines_of(const std::string& path) {
+  constexpr std::size_t most_glyphs = 2000;
+  const glyphs::Font font = glyphs::load_font(path);
+  const std::size_t step = (font.glyphs.size() + most_glyphs - 1) / most_glyphs;
+  Outlines outlines;
+  for (std::size_t glyph = 0; glyph < font.glyphs.size(); glyph += step) {
+    try {
+      outlines.push_back(glyphs::compose(font, static_cast<int>(glyph)));
+    } catch (const fontcore::Error&) {
+      continue;  // a glyph in trouble has no outline
+    }
+    if (outlines.back().empty()) outlines.pop_back();
+  }
+  return outlines;
+}
+
+// Mean per glyph; and the 99th percentile of the glyphs' own times, each the least of five.
+template <typename Work>
+void per_glyph(benchmark::State& state, const Outlines& outlines, const Work& work) {
+  if (outlines.empty()) {
+    state.SkipWithError("no glyph has an outline");
+    return;
+  }
+  for (auto _ : state)
+    for (const auto& contours : outlines) work(contours);
+  std::vector<double> seconds;
+  for (const auto& contours : outlines) {
+    double least = std::numeric_limits<double>::infinity();
+    for (int run = 0; run < 5; ++run) {
+      const auto begin = std::chrono::steady_clock::now();
+      work(contours);
+      least = std::min(least, std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
+    }
+    seconds.push_back(least);
+  }
+  std::sort(seconds.begin(), seconds.end());
+  state.counters["glyphs"] = static_cast<double>(outlines.size());
+  state.counters["mean"] =
+      benchmark::Counter(static_cast<double>(outlines.size()),
+                         benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+  state.counters["p99"] = seconds[seconds.size() * 99 / 100];
+}
+
+void register_fonts(std::vector<std::string> fonts) {
+  for (const char* name :
+       {"cabin/Cabin-Regular.otf", "eb-garamond/EBGaramond12-Bold.otf", "eb-garamond/EBGaramond12-Regular.otf",
+        "liberation-serif/LiberationSerif-Regular.ttf", "open-sans/OpenSans-Regular.ttf"})
+    fonts.push_back(std::string(GLYPHWAVE_SOURCE_DIR "/fonts/") + name);
+  for (const std::string& path : fonts) {
+    const std::string name = path.substr(path.find_last_of('/') + 1);
+    // Read when first asked for: a filter may leave it out.
+    const auto outlines = [path, kept = std::make_shared<Outlines>()]() -> const Outlines& {
+      if (kept->empty()) *kept = outlines_of(path);
+      return *kept;
+    };
+    benchmark::RegisterBenchmark(("find_crossings/" + name).c_str(), [outlines](benchmark::State& state) {
+      per_glyph(state, outlines(),
+                [](const auto& contours) { benchmark::DoNotOptimize(fontcore::find_crossings(contours)); });
+    });
+    benchmark::RegisterBenchmark(("measure_ink/" + name).c_str(), [outlines](benchmark::State& state) {
+      per_glyph(state, outlines(),
+                [](const auto& contours) { benchmark::DoNotOptimize(fontcore::measure_ink(contours)); });
+    });
+  }
+}
+
 void drag_sizes(benchmark::internal::Benchmark* bench) { bench->RangeMultiplier(2)->Range(64, 4096); }
 void sizes(benchmark::internal::Benchmark* bench) { bench->RangeMultiplier(2)->Range(fewest_points, most_points); }
 
@@ -164,6 +245,16 @@ int main(int argc, char** argv) {
   mallopt(M_MMAP_MAX, 0);
   mallopt(M_TRIM_THRESHOLD, std::numeric_limits<int>::max());
   benchmark::Initialize(&argc, argv);
-  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
-  benchmark::RunSpecifiedBenchmarks();
+  const std::vector<std::string> fonts(argv + 1, argv + argc);
+  if (std::any_of(fonts.begin(), fonts.end(), [](const std::string& one) { return one.starts_with("-"); })) {
+    benchmark::ReportUnrecognizedArguments(argc, argv);
+    return 1;
+  }
+  register_fonts(fonts);
+  try {
+    benchmark::RunSpecifiedBenchmarks();
+  } catch (const fontcore::Error& error) {
+    std::cerr << error.what() << '\n';
+    return 1;
+  }
 }
