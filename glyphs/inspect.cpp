@@ -15,6 +15,7 @@ namespace glyphs {
 namespace {
 
 using fontcore::BezierContour;
+using fontcore::Meeting;
 using Json = nlohmann::ordered_json;
 
 // What looking into contours may cost, in points; modelling takes 5 to 30 microseconds for each.
@@ -67,6 +68,10 @@ ContourFacts facts_of(const BezierContour& contour, Detail detail, int units_per
   }
   return facts;
 }
+
+// In the order of `Meeting`.
+constexpr std::array<const char*, 3> kinds{"crossing", "contact", "overlap"};
+constexpr std::array<const char*, 3> verbs{"crosses", "touches", "runs along"};
 
 std::string place(const fontcore::Point& where) { return fontcore::text("(", where.x(), ", ", where.y(), ")"); }
 
@@ -159,7 +164,6 @@ std::vector<GlyphCrossings> check_crossings(const Font& font, const std::vector<
 }
 
 std::string describe(const GlyphCrossings& in, const fontcore::Crossing& crossing) {
-  constexpr std::array<const char*, 3> verbs{"crosses", "touches", "runs along"};
   const char* verb = verbs[static_cast<std::size_t>(crossing.meeting)];
   const std::string other =
       crossing.a.contour == crossing.b.contour ? "itself" : fontcore::text("contour ", crossing.b.contour);
@@ -182,9 +186,12 @@ std::string crossings_json(const Font& font, const std::vector<GlyphCrossings>& 
       Check{"glyphwave/contours_cross", "No two contours of a glyph meet.",
             "Overlapping contours are drawn with gaps or seams where a program does not fill by the non-zero rule.",
             false}};
-  constexpr std::array<const char*, 3> statuses{"ERROR", "FAIL", "PASS"};  // worst first
+  constexpr std::array<const char*, 4> statuses{"ERROR", "FAIL", "WARN", "PASS"};  // worst first
   const auto is_worse = [&](const std::string& a, const std::string& b) {
     return std::find(statuses.begin(), statuses.end(), a) < std::find(statuses.begin(), statuses.end(), b);
+  };
+  const auto place_json = [](const fontcore::Place& at) {
+    return Json{{"contour", at.contour}, {"segment", at.segment}, {"u", at.u}};
   };
 
   Json counts = Json::object();
@@ -194,15 +201,22 @@ std::string crossings_json(const Font& font, const std::vector<GlyphCrossings>& 
   for (const Check& check : checks) {
     Json logs = Json::array();
     std::string result = "PASS";
-    const auto log = [&](const std::string& status, const std::string& message) {
-      logs.push_back({{"status", status}, {"message", message}});
+    const auto log = [&](const std::string& status, const std::string& message, const GlyphCrossings& glyph) -> Json& {
+      logs.push_back({{"status", status}, {"message", message}, {"glyph", glyph.name}, {"gid", glyph.glyph}});
       if (is_worse(status, result)) result = status;
+      return logs.back();
     };
     for (const GlyphCrossings& glyph : found) {
       // A glyph that cannot be read is said once.
-      if (check.within && !glyph.trouble.empty()) log("ERROR", glyph.name + ": " + glyph.trouble);
-      for (const fontcore::Crossing& crossing : glyph.crossings)
-        if ((crossing.a.contour == crossing.b.contour) == check.within) log("FAIL", describe(glyph, crossing));
+      if (check.within && !glyph.trouble.empty()) log("ERROR", glyph.name + ": " + glyph.trouble, glyph);
+      for (const fontcore::Crossing& crossing : glyph.crossings) {
+        if ((crossing.a.contour == crossing.b.contour) != check.within) continue;
+        Json& entry = log(crossing.meeting == Meeting::Crossing ? "FAIL" : "WARN", describe(glyph, crossing), glyph);
+        entry["kind"] = kinds[static_cast<std::size_t>(crossing.meeting)];
+        entry["x"] = crossing.where.x();
+        entry["y"] = crossing.where.y();
+        entry["places"] = {place_json(crossing.a), place_json(crossing.b)};
+      }
     }
     counts[result] = counts[result].get<int>() + 1;
     if (is_worse(result, worst)) worst = result;

@@ -143,19 +143,25 @@ Outcome check(const Request& request) {
   const Font font = load(request);
   const std::vector<glyphs::GlyphCrossings> found =
       glyphs::check_crossings(font, selected(request, font), request.jobs);
-  std::size_t crossings = 0;
+  std::array<std::size_t, 3> findings{};  // by `Meeting`
   std::size_t faulty = 0;
   std::string lines;
   for (const glyphs::GlyphCrossings& glyph : found) {
-    crossings += glyph.crossings.size();
     if (!glyph.crossings.empty() || !glyph.trouble.empty()) ++faulty;
     if (!glyph.trouble.empty()) lines += glyph.name + ": " + glyph.trouble + "\n";
-    for (const fontcore::Crossing& crossing : glyph.crossings) lines += glyphs::describe(glyph, crossing) + "\n";
+    for (const fontcore::Crossing& crossing : glyph.crossings) {
+      ++findings[static_cast<std::size_t>(crossing.meeting)];
+      lines += glyphs::describe(glyph, crossing) + "\n";
+    }
   }
+  const auto& [crossings, contacts, overlaps] = findings;
+  std::string summary = count(crossings, "crossing");
+  if (contacts > 0) summary += ", " + count(contacts, "contact");
+  if (overlaps > 0) summary += ", " + count(overlaps, "overlap");
   Outcome outcome;
   outcome.status = faulty > 0 ? 1 : 0;
   outcome.text = request.json ? glyphs::crossings_json(font, found)
-                              : lines + text(request.font, ": ", count(crossings, "crossing"), " in ", faulty, " of ",
+                              : lines + text(request.font, ": ", summary, " in ", faulty, " of ",
                                              count(found.size(), "glyph"), "\n");
   return outcome;
 }

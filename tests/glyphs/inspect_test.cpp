@@ -117,6 +117,27 @@ TEST_CASE("a figure eight and two squares that overlap are found, their clean tw
   CHECK(within["sections"][0]["checks"][1]["result"] == "PASS");
   CHECK(json_of(crossed)["sections"][0]["checks"][1]["result"] == "FAIL");
   CHECK(json_of(apart)["result"]["PASS"] == 2);
+
+  // Every finding with its kind, its point and both its places.
+  const auto log = within["sections"][0]["checks"][0]["logs"][0];
+  CHECK(log["status"] == "FAIL");
+  CHECK(log["message"] == "g: contour 0 crosses itself at (50, 50)");
+  CHECK(log["glyph"] == "g");
+  CHECK(log["gid"] == 0);
+  CHECK(log["kind"] == "crossing");
+  CHECK(log["x"] == 50.0);
+  CHECK(log["y"] == 50.0);
+  CHECK(log["places"] == nlohmann::json::parse(R"([{"contour": 0, "segment": 0, "u": 0.5},
+                                                   {"contour": 0, "segment": 2, "u": 0.5}])"));
+  // What touches or runs along is no crossing.
+  for (const auto& [x, kind] : {std::pair(100.0, "overlap"), std::pair(200.0, "")}) {
+    const auto between = json_of(font_of({square(0), square(x)}))["sections"][0]["checks"][1];
+    CHECK(between["result"] == (*kind == 0 ? "PASS" : "WARN"));
+    if (*kind != 0) CHECK(between["logs"][0]["kind"] == kind);
+  }
+  const Font corner = font_of({square(0), polygon({{100, 100}, {200, 100}, {200, 200}})});
+  CHECK(json_of(corner)["sections"][0]["checks"][1]["logs"][0]["kind"] == "contact");
+  CHECK(json_of(corner)["result"]["WARN"] == 1);
 }
 
 TEST_CASE("every job is done once, and progress ends complete", "[jobs]") {

@@ -485,7 +485,11 @@ TEST_CASE("check ends with 1 if it finds a crossing and with 0 if not", "[cli]")
   CHECK_THAT(found.out, Catch::Contains("tcedilla: contour 0 crosses contour 1 at ("));
   const Run listed = glyphwave({"check", sans, "--glyphs", "tcedilla", "--json"});
   CHECK(listed.status == 1);
-  CHECK(json::parse(listed.out)["sections"][0]["checks"][1]["result"] == "FAIL");
+  const json check = json::parse(listed.out)["sections"][0]["checks"][1];
+  CHECK(check["result"] == "FAIL");
+  REQUIRE(check["logs"].size() > 0);
+  CHECK(check["logs"][0]["kind"] == "crossing");
+  CHECK(check["logs"][0]["places"][1]["contour"] == 1);
 }
 
 TEST_CASE("a proof is a picture of the kind its name says", "[cli]") {
