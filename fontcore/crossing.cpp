@@ -54,7 +54,8 @@ CGAL::Orientation side(const Point& from, const Point& to, const Point& x) {
 
 struct Tolerance {
   double contact;
-  double margin;  // distance that counts as apart: far above the rounding of points by subdivision
+  double margin;    // distance that counts as apart: far above the rounding of points by subdivision
+  double rounding;  // distance that coordinates may have been rounded by
 };
 
 /// The part of a segment over [u0, u1].
@@ -272,9 +273,9 @@ struct Bend {
 
 /// Of a curve that from its first point on keeps ahead along the direction; nothing if it does not.
 ///
-/// With y = t^m q(t), x = t^l p(t) and Bernstein coefficients of q and p from the points' own. Points nearer than the
-/// margin to the line lie on it.
-std::optional<Bend> bend(const Bezier& curve, const Point& along, double margin) {
+/// With y = t^m q(t), x = t^l p(t) and Bernstein coefficients of q and p from the points' own. Points nearer to the
+/// line than their rounding lie on it.
+std::optional<Bend> bend(const Bezier& curve, const Point& along, double rounding) {
   constexpr std::array<std::array<double, 4>, 4> binomial{{{1, 0, 0, 0}, {1, 1, 0, 0}, {1, 2, 1, 0}, {1, 3, 3, 1}}};
   struct Power {
     std::size_t order = 0;
@@ -287,7 +288,7 @@ std::optional<Bend> bend(const Bezier& curve, const Point& along, double margin)
     std::size_t m = n;
     for (std::size_t k = n; k > 0; --k) {
       x[k] = direction.dot(curve.p[k] - curve.p[0]);
-      if (std::abs(x[k]) <= margin) x[k] = 0.0;
+      if (std::abs(x[k]) <= rounding) x[k] = 0.0;
       if (x[k] != 0.0) m = k;
     }
     Power factor{m, x[m] * binomial[n][m], x[m] * binomial[n][m]};
@@ -315,15 +316,15 @@ std::optional<Bend> bend(const Bezier& curve, const Point& along, double margin)
 }
 
 /// True if the two, which begin at one joint and leave it alike, bend away from each other all along.
-bool bend_apart(const Bezier& a, const Bezier& b, double margin) {
+bool bend_apart(const Bezier& a, const Bezier& b, double rounding) {
   const auto is_below = [](const Bend& x, const Bend& y) {
     if (x.high == 0.0 && y.low == 0.0) return x.is_one_sided || y.is_one_sided;
     return x.high < y.low - distinct * std::max(std::abs(x.high), std::abs(y.low));
   };
   for (const Bezier* leading : {&a, &b}) {
     const Point along = start_tangent(*leading);
-    const auto bend_a = bend(a, along, margin);
-    const auto bend_b = bend(b, along, margin);
+    const auto bend_a = bend(a, along, rounding);
+    const auto bend_b = bend(b, along, rounding);
     if (bend_a && bend_b && (is_below(*bend_a, *bend_b) || is_below(*bend_b, *bend_a))) return true;
   }
   return false;
@@ -481,7 +482,7 @@ std::vector<Hit> join_chains(std::vector<Hit> hits) {
 }
 
 /// What the certificates say of two pieces as they are. Pieces joined at both ends have to be halved first.
-Verdict judge(const Pair& pair, double margin) {
+Verdict judge(const Pair& pair, const Tolerance& tolerance) {
   const int joints = pair.joints();
   if (joints > 1) return {};
   if (joints == 1) {
@@ -489,11 +490,12 @@ Verdict judge(const Pair& pair, double margin) {
     const bool b_begins = pair.joint[0][0] || pair.joint[1][0];
     const Bezier a = a_begins ? pair.a.curve : reversed(pair.a.curve);
     const Bezier b = b_begins ? pair.b.curve : reversed(pair.b.curve);
-    return {have_parted_cones(a, b, margin) || bend_apart(a, b, margin), std::nullopt};
+    return {have_parted_cones(a, b, tolerance.margin) || bend_apart(a, b, tolerance.rounding), std::nullopt};
   }
-  if (apart(pair.a, pair.b, margin)) return {true, std::nullopt};
-  if (!meet_once_at_most(pair.a.curve, pair.b.curve) || !must_cross(pair.a.curve, pair.b.curve, margin)) return {};
-  const auto hit = common_point(pair.a, pair.b, margin);
+  if (apart(pair.a, pair.b, tolerance.margin)) return {true, std::nullopt};
+  if (!meet_once_at_most(pair.a.curve, pair.b.curve) || !must_cross(pair.a.curve, pair.b.curve, tolerance.margin))
+    return {};
+  const auto hit = common_point(pair.a, pair.b, tolerance.margin);
   return {hit.has_value(), hit};
 }
 
@@ -549,7 +551,7 @@ void add_meetings(Pair whole, const Tolerance& tolerance, long& budget, std::vec
       hits.push_back({Meeting::Contact, at(whole.a, static_cast<double>(i)), at(whole.b, static_cast<double>(j))});
     }
   }
-  verdict = judge(whole, tolerance.margin);
+  verdict = judge(whole, tolerance);
   if (verdict.hit) hits.push_back(*verdict.hit);
   if (verdict.decided) return;
 
@@ -562,7 +564,7 @@ void add_meetings(Pair whole, const Tolerance& tolerance, long& budget, std::vec
     spend(budget, static_cast<long>(open.size()));
     next.clear();
     for (const Pair& pair : open) {
-      verdict = judge(pair, tolerance.margin);
+      verdict = judge(pair, tolerance);
       if (verdict.hit) hits.push_back(*verdict.hit);
       if (verdict.decided) continue;
       const bool is_small = std::max(pair.a.box.size(), pair.b.box.size()) < tolerance.contact;
@@ -1088,7 +1090,8 @@ std::vector<Crossing> find_crossings(const std::vector<BezierContour>& contours,
   }
   // Thirty halvings of a cubic err by less than 100 roundings.
   const double margin = std::max(1e-9, 256.0 * std::numeric_limits<double>::epsilon() * largest);
-  const Tolerance tolerance{std::max(options.contact_distance, 4.0 * margin), margin};
+  const double rounding = 16.0 * std::numeric_limits<double>::epsilon() * largest;
+  const Tolerance tolerance{std::max(options.contact_distance, 4.0 * margin), margin, rounding};
   const std::vector<Hit> hits = all_hits(contours, tolerance, options.most_work);
   if (hits.empty()) return {};
   return Findings(contours, tolerance).from(hits);

@@ -1,6 +1,7 @@
 #include "fontcore/crossing.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <random>
@@ -203,6 +204,135 @@ TEST_CASE("a drop that ends in a cusp is clean", "[crossing]") {
   CHECK(is_simple(outline({{0, 0}, {0, 100}, {2, 200}, {-2, 200}, {0, 100}}, "nqnnq")));
   // One side straight, and the other leaving it with its third power.
   CHECK(is_simple(outline({{0, 0}, {0, 300}, {-100, 300}, {0, 200}, {0, 100}}, "nnncc")));
+}
+
+TEST_CASE("a cubic that returns to its own node is found whichever end it is", "[crossing]") {
+  // The loop of the closed form above, from its double point on: the node is where the curve passes again.
+  const double w = 0.5;
+  const auto at = [&](double v) { return Point(400 * v * (v * v - w * w), 300 * (1 - v * v)); };
+  const auto slope = [&](double v) { return Point(400 * (3 * v * v - w * w), -600 * v); };
+  const auto part = [&](double from, double to) {
+    const double third = (to - from) / 3;
+    return std::array{at(from), Point(at(from) + third * slope(from)), Point(at(to) - third * slope(to)), at(to)};
+  };
+  const auto tail = part(-w, 1.0);
+  // The neighbour comes to the node from the left, so that the outline goes through it; or from where it leaves.
+  const std::vector<BezierContour> through{
+      outline({tail[0], tail[1], tail[2], tail[3], {500, 600}, {-200, 600}}, "nccnnn")};
+  const auto found = find_crossings(through);
+  REQUIRE_FALSE(found.empty());
+  CHECK(std::any_of(found.begin(), found.end(),
+                    [&](const Crossing& one) { return (one.where - tail[0]).norm() < 1e-6; }));
+  const auto again = find_crossings({reverse(through[0])});
+  CHECK(names(again) == names(found));
+  // A loop that closes on its own two ends is a place passed twice, unless it is all there is.
+  const auto loop = part(-w, w);
+  CHECK(is_simple(outline({loop[0], loop[1], loop[2]}, "ncc")));
+  const auto ends = find_crossings({outline({loop[0], loop[1], loop[2], loop[3], {-300, 0}, {300, 0}}, "nccnnn")});
+  REQUIRE(ends.size() == 1);
+  CHECK((ends[0].where - loop[0]).norm() < 1e-9);
+}
+
+TEST_CASE("a loop of a millionth of a unit is told from a cusp", "[crossing]") {
+  const auto loop = [](double w2) {
+    const double k = 400.0;
+    return outline({{k * (w2 - 1), 0}, {k * (1 + w2 / 3), 400}, {-k * (1 + w2 / 3), 400}, {k * (1 - w2), 0}, {0, -200}},
+                   "nccnn");
+  };
+  // It is 300 w^2 deep.
+  CHECK(meetings({loop(1e-8)}) == "crossing");
+  CHECK(meetings({loop(-1e-8)}).empty());
+}
+
+TEST_CASE("neighbours that leave their node alike are told apart by how they bend", "[crossing]") {
+  // Both go up from the node: apart if the left one bends more to the left, and not if they cross further on.
+  const auto drop = [](double left, double right) {
+    return outline({{0, 0}, {0, 100}, {right, 200}, {50, 400}, {-50, 400}, {left, 200}, {0, 100}}, "nccnncc");
+  };
+  CHECK(is_simple(drop(-1, 1)));
+  CHECK(is_simple(drop(10, 20)));
+  CHECK(is_simple(drop(-20, -10)));
+  CHECK(is_simple(drop(0.001, 0.002)));
+  CHECK(meetings({drop(1, -1)}) == "crossing");
+  CHECK(meetings({drop(20, 10)}) == "crossing");
+  CHECK_FALSE(meetings({drop(0.002, 0.001)}).empty());  // for a hundredth of a unit, by a few millionths of a millionth
+  // A line and a curve of the third order, on either side.
+  for (const double side : {-100.0, 100.0}) {
+    CHECK(is_simple(outline({{0, 0}, {0, 300}, {side, 300}, {0, 200}, {0, 100}}, "nnncc")));
+  }
+  // A handle of no length: its curve leaves with infinite curvature.
+  CHECK(is_simple(outline({{0, 0}, {0, 100}, {5, 200}, {50, 400}, {-50, 400}, {0, 100}, {0, 0}}, "nccnncc")));
+}
+
+TEST_CASE("ends that are one point or lie on an edge are contacts to the last bit", "[crossing]") {
+  const auto place = [](const Place& at) { return std::tuple(at.contour, at.segment, at.u); };
+  SECTION("nodes of two contours, curves on both sides") {
+    const std::vector<BezierContour> contours{circle({0, 0}, 100), circle({200, 0}, 100)};
+    const auto found = find_crossings(contours);
+    REQUIRE(names(found) == "contact");
+    CHECK(found[0].where == Point(100, 0));
+    CHECK(place(found[0].a) == std::tuple(0, 0, 0.0));
+    CHECK(place(found[0].b) == std::tuple(1, 2, 0.0));
+  }
+  SECTION("a corner on an edge, at a place that is no binary fraction of it") {
+    const auto found =
+        find_crossings({polygon({{0, 0}, {300, 150}, {0, 150}}), polygon({{100, 50}, {200, 0}, {120, 0}})});
+    REQUIRE(names(found) == "contact");
+    CHECK(found[0].where == Point(100, 50));
+    CHECK(found[0].a.u == Approx(1.0 / 3.0).epsilon(1e-15));
+    CHECK(place(found[0].b) == std::tuple(1, 0, 0.0));
+  }
+  SECTION("an extremum of a curve on an edge") {
+    const auto found = find_crossings({circle({0, 0}, 100), polygon({{100, -70}, {200, 0}, {100, 80}})});
+    REQUIRE(names(found) == "contact");
+    CHECK(found[0].where == Point(100, 0));
+    CHECK(place(found[0].a) == std::tuple(0, 0, 0.0));
+  }
+  SECTION("contacts a unit along the contour from each other") {
+    // A notch of one unit whose mouth is closed by a point.
+    const auto found = find_crossings(
+        {polygon({{0, 0}, {100, 0}, {100, 50}, {99.5, 50.5}, {99.5, 51}, {100, 50}, {100, 100}, {0, 100}})});
+    REQUIRE(names(found) == "contact");
+    CHECK(found[0].where == Point(100, 50));
+  }
+}
+
+TEST_CASE("quadratics that touch or miss by less than any margin are never clear if they meet", "[crossing]") {
+  // Two parabolas, the lower one raised by the gap.
+  const auto pair = [](double gap) {
+    return std::vector<BezierContour>{outline({{0, 200}, {128, -56}, {256, 200}, {128, 400}}, "nqnn"),
+                                      outline({{0, gap}, {128, 144 + gap}, {256, gap}, {128, -200}}, "nqnn")};
+  };
+  CHECK(meetings(pair(0.0)) == "contact");  // at (128, 72)
+  for (int k = 1; k < 20; ++k) {
+    CAPTURE(k);
+    const double gap = std::ldexp(1.0, -k);
+    CHECK(meetings(pair(-gap)).empty());
+    const auto found = find_crossings(pair(gap));
+    CHECK_FALSE(found.empty());
+    if (gap > 1e-3) CHECK(names(found) == "crossing crossing");
+  }
+}
+
+TEST_CASE("displaced outlines cross as often as their fine flattening does", "[crossing]") {
+  std::mt19937 random(77);
+  std::normal_distribution<double> shake(0.0, 12.0);
+  int crossed = 0;
+  for (int k = 0; k < 300; ++k) {
+    std::vector<BezierContour> contours{circle({0, 0}, 100), reverse(circle({0, 0}, 88)), circle({140, 10}, 45)};
+    for (BezierContour& contour : contours) {
+      Points points = contour.points();
+      for (Eigen::Index i = 0; i < points.size(); ++i) points(i) = std::round(2.0 * (points(i) + shake(random))) / 2.0;
+      contour = contour.with_points(points);
+    }
+    const auto found = find_crossings(contours);
+    const auto crossings =
+        std::count_if(found.begin(), found.end(), [](const Crossing& one) { return one.meeting == Meeting::Crossing; });
+    CAPTURE(k, contours[0].points(), contours[1].points(), contours[2].points());
+    CHECK(crossings == count_by_flattening(contours, 600));
+    crossed += crossings > 0;
+  }
+  CHECK(crossed > 100);
 }
 
 TEST_CASE("a crossing shorter than one unit is found", "[crossing]") {
