@@ -138,12 +138,12 @@ class Regions {
  public:
   static constexpr int outside = 0;
 
-  Regions() { add(false, {}); }
+  Regions() { add(false); }
 
-  int add(bool is_ink, const Box& box) {
+  int add(bool is_ink) {
     parent_.push_back(static_cast<int>(parent_.size()));
     is_ink_.push_back(is_ink);
-    boxes_.push_back(box);
+    boxes_.emplace_back();
     return parent_.back();
   }
   void join(int a, int b) {
@@ -154,6 +154,7 @@ class Regions {
     parent_[at(b)] = a;
     boxes_[at(a)].add(boxes_[at(b)]);
   }
+  Box& box(int region) { return boxes_[at(root(region))]; }
 
   int parts() {
     int parts = 0;
@@ -207,16 +208,20 @@ class Slabs {
   Regions& regions() { return regions_; }
 
  private:
-  /// A stretch of one slab's bottom or top, and the region that it belongs to.
-  struct Interval {
-    int region;
+  /// What lies between two edges in one slab: its stretches of the slab's bottom and top, and the region that it
+  /// belongs to.
+  struct Cell {
     bool is_ink;
-    double from, to;
+    double bottom_from, bottom_to;
+    double top_from, top_to;
+    int region = unknown;
   };
+  static constexpr int unknown = -1;
+  static Cell outside();
 
-  void slab(std::vector<Passage> passages, double low, double high);
+  void slab(std::vector<Passage>& passages, double low, double high);
   void settle(const std::vector<Passage>& passages, double low, double high);
-  void connect(const std::vector<Interval>& bottom, std::vector<Interval> top);
+  void connect(std::vector<Cell> cells, double low, double high);
 
   const std::vector<Edge>& edges_;
   double contact_;
@@ -224,16 +229,20 @@ class Slabs {
   double settled_;  // area that is none
   double area_ = 0.0;
   Regions regions_;
-  std::vector<Interval> below_;  // top of the last slab that had height
+  std::vector<Cell> below_;  // the last slab that had height
 };
+
+Slabs::Cell Slabs::outside() {
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  return {false, -infinity, infinity, -infinity, infinity, Regions::outside};
+}
 
 void Slabs::sweep(const std::vector<double>& heights) {
   std::vector<std::size_t> order(edges_.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
   std::sort(order.begin(), order.end(),
             [&](std::size_t i, std::size_t j) { return std::tie(edges_[i].low, i) < std::tie(edges_[j].low, j); });
-  constexpr double infinity = std::numeric_limits<double>::infinity();
-  below_ = {{Regions::outside, false, -infinity, infinity}};
+  below_ = {outside()};
   std::vector<Passage> passages;
   std::size_t next = 0;
   for (std::size_t k = 0; k + 1 < heights.size(); ++k) {
@@ -253,12 +262,12 @@ void Slabs::sweep(const std::vector<double>& heights) {
     }
     slab(passages, heights[k], heights[k + 1]);
   }
-  connect({{Regions::outside, false, -infinity, infinity}}, {});
+  connect({outside()}, heights.back(), heights.back());
 }
 
 /// The passages in order from left to right, which must be the same at the bottom and at the top; else the slab is
 /// halved. Crossings known are heights of their own, so this is for edges that run along each other.
-void Slabs::slab(std::vector<Passage> passages, double low, double high) {
+void Slabs::slab(std::vector<Passage>& passages, double low, double high) {
   budget_ -= static_cast<long>(passages.size()) + 1;
   if (budget_ < 0) throw WorkLimitExceeded("measure_ink: too many edges lie on each other");
   const double middle = 0.5 * (low + high);
@@ -275,68 +284,75 @@ void Slabs::slab(std::vector<Passage> passages, double low, double high) {
     return;
   }
   std::vector<Passage> lower = passages;
-  std::vector<Passage> upper = std::move(passages);
+  std::vector<Passage> upper = passages;
   for (std::size_t i = 0; i < lower.size(); ++i) {
     const double t = parameter(*lower[i].edge, middle, lower[i].t0);
     lower[i].t1 = upper[i].t0 = t;
     lower[i].x1 = upper[i].x0 = lower[i].xm;
   }
-  slab(std::move(lower), low, middle);
-  slab(std::move(upper), middle, high);
+  slab(lower, low, middle);
+  slab(upper, middle, high);
 }
 
 /// Adds the ink between passages that do not change places, and what hangs together there.
 void Slabs::settle(const std::vector<Passage>& passages, double low, double high) {
-  const bool has_height = high - low > contact_;
   constexpr double infinity = std::numeric_limits<double>::infinity();
-  std::vector<Interval> bottom{{Regions::outside, false, -infinity, infinity}};
-  std::vector<Interval> top = bottom;
+  const bool has_height = high - low > contact_;
+  std::vector<Cell> cells;
+  if (has_height) cells.push_back(outside());
   int winding = 0;
   for (std::size_t i = 0; i < passages.size(); ++i) {
     const Passage& one = passages[i];
-    const int before = winding;
+    const bool was_ink = winding != 0;
     winding += one.edge->winding;
-    if ((before == 0) != (winding == 0)) {
+    const bool is_ink = winding != 0;
+    if (was_ink != is_ink) {
       const double sweep = swept(*one.edge, one.t1) - swept(*one.edge, one.t0);
-      area_ += before == 0 ? -sweep : sweep;
+      area_ += is_ink ? -sweep : sweep;
     }
     if (!has_height) continue;
     const bool is_last = i + 1 == passages.size();
     const Passage& beside = passages[is_last ? i : i + 1];
-    const bool is_wide = is_last || std::max({beside.x0 - one.x0, beside.xm - one.xm, beside.x1 - one.x1}) > contact_;
-    const bool is_ink = winding != 0;
-    if (!is_wide) continue;  // what lies on both sides of it is beside each other
-    if (is_ink == bottom.back().is_ink) {
-      bottom.back().to = is_last ? infinity : beside.x0;
-      top.back().to = is_last ? infinity : beside.x1;
-      if (is_last) regions_.join(bottom.back().region, Regions::outside);
+    // What lies on both sides of a narrow cell is beside each other.
+    if (!is_last && std::max({beside.x0 - one.x0, beside.xm - one.xm, beside.x1 - one.x1}) <= contact_) continue;
+    const double bottom_to = is_last ? infinity : beside.x0;
+    const double top_to = is_last ? infinity : beside.x1;
+    Cell& last = cells.back();
+    if (is_ink == last.is_ink) {
+      last.bottom_to = bottom_to;
+      last.top_to = top_to;
     } else {
-      bottom.back().to = one.x0;
-      top.back().to = one.x1;
-      Box box;
-      if (!is_last) {
-        for (const double x : {one.x0, one.x1, beside.x0, beside.x1}) box.add(Point(x, low));
-        box.add(Point(one.x1, high));
-      }
-      const int region = is_last ? Regions::outside : regions_.add(is_ink, box);
-      bottom.push_back({region, is_ink, one.x0, is_last ? infinity : beside.x0});
-      top.push_back({region, is_ink, one.x1, is_last ? infinity : beside.x1});
+      last.bottom_to = one.x0;
+      last.top_to = one.x1;
+      cells.push_back({is_ink, one.x0, bottom_to, one.x1, top_to});
     }
   }
-  if (has_height) connect(bottom, std::move(top));
+  if (!has_height) return;
+  cells.back().region = Regions::outside;
+  connect(std::move(cells), low, high);
 }
 
-void Slabs::connect(const std::vector<Interval>& bottom, std::vector<Interval> top) {
+/// Gives the cells of a slab the regions that come up from below.
+void Slabs::connect(std::vector<Cell> cells, double low, double high) {
   std::size_t i = 0;
   std::size_t j = 0;
-  while (i < below_.size() && j < bottom.size()) {
-    const Interval& a = below_[i];
-    const Interval& b = bottom[j];
-    if (a.is_ink == b.is_ink && std::min(a.to, b.to) - std::max(a.from, b.from) > contact_)
+  while (i < below_.size() && j < cells.size()) {
+    const Cell& a = below_[i];
+    Cell& b = cells[j];
+    if (a.is_ink == b.is_ink && std::min(a.top_to, b.bottom_to) - std::max(a.top_from, b.bottom_from) > contact_) {
+      if (b.region == unknown) b.region = a.region;
       regions_.join(a.region, b.region);
-    ++(a.to < b.to ? i : j);
+    }
+    ++(a.top_to < b.bottom_to ? i : j);
   }
-  below_ = std::move(top);
+  for (Cell& cell : cells) {
+    if (cell.region == unknown) cell.region = regions_.add(cell.is_ink);
+    if (cell.region == Regions::outside) continue;
+    Box& box = regions_.box(cell.region);
+    for (const double x : {cell.bottom_from, cell.bottom_to}) box.add(Point(x, low));
+    for (const double x : {cell.top_from, cell.top_to}) box.add(Point(x, high));
+  }
+  below_ = std::move(cells);
 }
 
 // -----------------------------------------------------------------------------------------------------------------------
