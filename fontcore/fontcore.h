@@ -21,4 +21,5 @@
 #include "fontcore/drag.h"
 #include "fontcore/fit.h"
 #include "fontcore/compact.h"
+#include "fontcore/rounding.h"
 // clang-format on

@@ -12,6 +12,7 @@
 #include "fontcore/edit.h"
 #include "fontcore/fit.h"
 #include "fontcore/measure.h"
+#include "fontcore/rounding.h"
 #include "fontcore/soften.h"
 #include "glyphs/error.h"
 
