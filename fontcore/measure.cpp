@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <span>
 
 #include "fontcore/error.h"
 
@@ -12,27 +11,6 @@ namespace fontcore {
 namespace {
 
 double cross(const Point& a, const Point& b) { return a.x() * b.y() - a.y() * b.x(); }
-
-// Twice the area swept by a Bernstein segment is a sum of weighted cross products of its control points.
-struct CrossWeight {
-  std::size_t i, j;
-  double weight;
-};
-
-std::span<const CrossWeight> area_weights(int degree) {
-  static constexpr CrossWeight line[] = {{0, 1, 1.0 / 2}};
-  static constexpr CrossWeight quadratic[] = {{0, 1, 1.0 / 3}, {1, 2, 1.0 / 3}, {0, 2, 1.0 / 6}};
-  static constexpr CrossWeight cubic[] = {{0, 1, 0.3},  {0, 2, 0.15}, {0, 3, 0.05},
-                                          {1, 2, 0.15}, {1, 3, 0.15}, {2, 3, 0.3}};
-  switch (degree) {
-    case 1:
-      return line;
-    case 2:
-      return quadratic;
-    default:
-      return cubic;
-  }
-}
 
 Bezier shifted(Bezier bezier, const Point& origin) {
   for (auto& p : bezier.p) p -= origin;
@@ -63,9 +41,24 @@ double length_within(const Bezier& bezier, double u0, double u1, double whole, i
 
 }  // namespace
 
+std::span<const AreaTerm> area_terms(int degree) {
+  static constexpr AreaTerm line[] = {{0, 1, 1.0 / 2}};
+  static constexpr AreaTerm quadratic[] = {{0, 1, 1.0 / 3}, {1, 2, 1.0 / 3}, {0, 2, 1.0 / 6}};
+  static constexpr AreaTerm cubic[] = {{0, 1, 0.3},  {0, 2, 0.15}, {0, 3, 0.05},
+                                       {1, 2, 0.15}, {1, 3, 0.15}, {2, 3, 0.3}};
+  switch (degree) {
+    case 1:
+      return line;
+    case 2:
+      return quadratic;
+    default:
+      return cubic;
+  }
+}
+
 double signed_area(const Bezier& bezier) {
   double area = 0.0;
-  for (const auto& [i, j, weight] : area_weights(bezier.degree)) area += weight * cross(bezier.p[i], bezier.p[j]);
+  for (const auto& [i, j, weight] : area_terms(bezier.degree)) area += weight * cross(bezier.p[i], bezier.p[j]);
   return area;
 }
 
@@ -89,7 +82,7 @@ Points area_gradient(const BezierContour& contour) {
   Points gradient = Points::Zero(contour.point_count(), 2);
   for (int s = 0; s < contour.segment_count(); ++s) {
     const Bezier bezier = shifted(contour.segment(s), origin);
-    for (const auto& [i, j, weight] : area_weights(bezier.degree)) {
+    for (const auto& [i, j, weight] : area_terms(bezier.degree)) {
       gradient.row(contour.point_of(s, static_cast<int>(i))) +=
           weight * Eigen::RowVector2d(bezier.p[j].y(), -bezier.p[j].x());
       gradient.row(contour.point_of(s, static_cast<int>(j))) +=

@@ -1,12 +1,23 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <limits>
+#include <span>
 #include <vector>
 
 #include "fontcore/contour.h"
 
 namespace fontcore {
+
+/// A term weight * cross(p_i, p_j) of the area that a segment sweeps seen from the origin.
+struct AreaTerm {
+  std::size_t i, j;
+  double weight;
+};
+/// All of them for a segment of degree 1, 2 or 3: the area is bilinear in the x and the y of its control points.
+/// Source  Green's theorem on Bernstein polynomials; [HBS05] eq. 9.
+std::span<const AreaTerm> area_terms(int degree);
 
 /// Exact signed area that a segment sweeps seen from the origin; summed over a contour, its enclosed area.
 /// Source  Green's theorem on Bernstein polynomials; [HBS05] eq. 9.

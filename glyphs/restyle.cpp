@@ -464,11 +464,13 @@ class GlyphEditor {
   Contours rounded(Attempt& attempt, const std::vector<std::vector<fontcore::OutlineCurve::Location>>& handles) const {
     const Contours& solved = attempt.unrounded;
     Contours result = original_;
-    const double total = signed_area(original_);
+    const double scale = std::abs(signed_area(original_));
+    std::vector<fontcore::Unrounded> moved;
+    std::vector<std::size_t> index;
     for (std::size_t k = 0; k < solved.size(); ++k) {
       if (solved[k] == original_[k]) continue;
       const Reference& reference = references_[k];
-      fontcore::RoundingGoal goal{signed_area(solved[k]), std::abs(total), handles[k]};
+      fontcore::RoundingGoal goal{signed_area(solved[k]), scale, handles[k], {}, fontcore::BeyondUnit::ForArea};
       if (reference.contour != original_[k]) {
         for (std::size_t i = 0; i < reference.came_from.size(); ++i) {
           const int from = reference.came_from[i];
@@ -478,16 +480,25 @@ class GlyphEditor {
                                 reference.contour.point(now) != original_[k].point(from));
         }
       }
-      if (recipe_.keep.area == KeepArea::Glyph) {  // what the contours before lost to rounding is made good here
-        for (std::size_t other = 0; other < k; ++other)
-          goal.area += signed_area(solved[other]) - signed_area(result[other]);
+      moved.push_back({solved[k], reference.contour, rules_of(k), std::move(goal)});
+      index.push_back(k);
+    }
+    std::vector<fontcore::Rounding> roundings;
+    if (recipe_.keep.area == KeepArea::Glyph) {
+      roundings = round_keeping_area(moved);
+    } else {
+      for (const auto& [contour, reference, rules, goal] : moved) {
+        roundings.push_back(round_keeping_area(contour, reference, rules, goal));
       }
-      fontcore::Rounding rounding = round_keeping_area(solved[k], reference.contour, rules_of(k), goal);
-      result[k] = std::move(rounding.contour);
-      if (rounding.handle_error > 1.0) {
+    }
+    for (std::size_t i = 0; i < moved.size(); ++i) {
+      const std::size_t k = index[i];
+      result[k] = std::move(roundings[i].contour);
+      if (roundings[i].handle_error > 1.0) {
         const auto last = std::find_if(attempt.steps.rbegin(), attempt.steps.rend(),
                                        [&](const StepReport& step) { return step.contour == static_cast<int>(k); });
-        last->against.push_back(text("area in whole numbers: the handle ends ", rounding.handle_error, " units off"));
+        last->against.push_back(
+            text("area in whole numbers: the handle ends ", roundings[i].handle_error, " units off"));
       }
       const fontcore::Box box = control_box(result[k]);
       if (box.low.minCoeff() < -32768.0 || box.high.maxCoeff() > 32767.0) {

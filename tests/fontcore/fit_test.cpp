@@ -1,7 +1,6 @@
 #include "fontcore/fit.h"
 
 #include "fontcore/measure.h"
-#include "fontcore/rounding.h"
 #include "tests/catch.h"
 #include "tests/shapes.h"
 
@@ -149,31 +148,6 @@ TEST_CASE("nearly smooth joins that an edit would open are closed", "[fit]") {
     const std::vector<double> after = turning_angles(fit.contour);
     for (std::size_t s = 0; s < before.size(); ++s) {
       if (std::abs(before[s]) <= 0.0261) CHECK(std::abs(after[s]) <= 0.0262);
-    }
-  }
-}
-
-TEST_CASE("rounding finds whole numbers nearer to the area than plain rounding does", "[fit]") {
-  const BezierContour contour = shapes::letter_a()[0];
-  const OutlineCurve curve(contour, {.tolerance = 0.25e-3 * em});
-  const double area = signed_area(contour);
-  for (unsigned seed = 0; seed < 8; ++seed) {
-    const Point place = shapes::random_points(1, seed, 400.0).row(0).transpose() + Point(400, 450);
-    StructureEdit edit = sweep_edit(curve, place, Point(11.3, -7.7), 600.0);
-    edit.rules.zones = {-20.0, 961.0};
-    const StructureFit fit = refit_structure(curve, edit);
-    const Rounding rounding = round_keeping_area(
-        fit.contour, contour, edit.rules, {.area = area, .scale = std::abs(area), .handles = {edit.handles[0].at}});
-    CHECK(std::abs(rounding.area_error) <= std::max(std::abs(rounding.plain_area_error), 1e-6 * std::abs(area)));
-    CHECK(std::abs(rounding.area_error) <= 5e-4 * std::abs(area));
-    CHECK(signed_area(rounding.contour) - area == Approx(rounding.area_error).margin(1e-6));
-    CHECK(rounding.opened_joins == 0);
-    CHECK(shapes::largest_distance(rounding.contour.points(), fit.contour.points()) < 3.0);
-    for (int i = 0; i < contour.point_count(); ++i) {
-      const Point p = rounding.contour.point(i);
-      if (contour.kind(i) == PointKind::ImpliedNode) continue;
-      CHECK(p == Point(std::round(p.x()), std::round(p.y())));
-      if (fit.contour.point(i) == contour.point(i)) CHECK(p == contour.point(i));
     }
   }
 }
