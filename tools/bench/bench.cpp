@@ -2,6 +2,8 @@
 // per glyph of the crossing check and of the ink, over the bundled fonts and any others named.
 //
 //     glyphwave_bench [--benchmark_filter=find_crossings ...] [FONT ...]
+//
+// Refit and rounding are in edit_bench.cpp.
 
 #include <benchmark/benchmark.h>
 #include <malloc.h>
