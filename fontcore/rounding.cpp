@@ -26,6 +26,7 @@ constexpr std::size_t most_flips = 32;  // free unknowns that one search chooses
 constexpr int most_steps = 20000;       // of a search that need not be exact
 constexpr std::size_t most_rounds = 6;  // searches, each for other unknowns, until the area is good
 constexpr std::size_t widest = 4;       // of the flips: those that change the area most
+constexpr double little_weight = 1e-3;  // of an unknown in the place of a handle: with less it hardly moves it
 constexpr int mending_sweeps = 4;
 constexpr std::size_t most_own = 8;       // unknowns that bear on one join
 constexpr double enough_area = 4e-4;      // relative: what may go beyond a unit does so if it is further off than this
@@ -490,7 +491,7 @@ bool WholeNumbers::go_beyond(double error, double enough) {
 }
 
 // Which unknowns to flip, so that the area is nearest: depth first, those that change it most first, cut off where what
-// is left to choose cannot make up the error, or where a join is left without a choice.
+// is left to choose cannot make up the error or bring a handle back, or where a join is left without a choice.
 class FlipSearch {
  public:
   struct Flip {
@@ -502,8 +503,20 @@ class FlipSearch {
 
   FlipSearch(std::vector<WholeNumbers>& contours, std::vector<Flip> flips)
       : contours_(contours), flips_(std::move(flips)), n_(flips_.size()) {
-    std::stable_sort(flips_.begin(), flips_.end(),
-                     [](const Flip& a, const Flip& b) { return std::abs(a.gain) > std::abs(b.gain); });
+    // Those of a handle come first of all: it is settled before the rest is tried.
+    std::vector<std::vector<bool>> bears_on_handle;
+    for (const WholeNumbers& contour : contours_) {
+      std::vector<bool>& bears = bears_on_handle.emplace_back(contour.size(), false);
+      for (const auto& handle : contour.goal().handles) {
+        contour.handle_offset(handle, [&](std::size_t k, int, double weight) {
+          if (weight > little_weight) bears[k] = true;
+        });
+      }
+    }
+    const auto rank = [&](const Flip& flip) {
+      return std::pair{bears_on_handle[flip.contour][flip.unknown], std::abs(flip.gain)};
+    };
+    std::stable_sort(flips_.begin(), flips_.end(), [&](const Flip& a, const Flip& b) { return rank(a) > rank(b); });
     for (std::size_t c = 0; c < contours_.size(); ++c) place_on(c);
     for (std::size_t d = 0; d < n_; ++d) {
       gain_[0][d] = flips_[d].gain;
