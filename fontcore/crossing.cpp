@@ -387,6 +387,14 @@ std::optional<Hit> common_point(const Piece& a, const Piece& b, double margin) {
   return Hit{Meeting::Crossing, at(a, s), at(b, t)};
 }
 
+/// Where a point on a line, but for rounding, is on it: by the coordinate in which the line is longer, so that an end
+/// is 0 or 1 exactly.
+double parameter(const Bezier& line, const Point& x) {
+  const Point chord = line.end() - line.start();
+  const Eigen::Index axis = std::abs(chord.x()) >= std::abs(chord.y()) ? 0 : 1;
+  return std::clamp((x[axis] - line.start()[axis]) / chord[axis], 0.0, 1.0);
+}
+
 /// What exact orientations say of two lines: their meeting, or that they meet only at their joint. Nothing is said of
 /// lines apart, joined at an angle, or crossing by less than the margin: the general tests decide, so that what is a
 /// contact in whole units stays one when the outline is turned and rounded.
@@ -400,37 +408,32 @@ Verdict compare_lines(const Pair& pair, double margin) {
   const auto touch = [](Stretch x, Stretch y) { return Verdict{true, Hit{Meeting::Contact, x, y}}; };
 
   if (on_a[0] == CGAL::COLLINEAR && on_a[1] == CGAL::COLLINEAR) {
-    Eigen::Index axis = 0;
-    (p[1] - p[0]).cwiseAbs().maxCoeff(&axis);
-    const double low = std::max(std::min(p[0][axis], p[1][axis]), std::min(q[0][axis], q[1][axis]));
-    const double high = std::min(std::max(p[0][axis], p[1][axis]), std::max(q[0][axis], q[1][axis]));
-    if (low > high) return {};
+    const Eigen::Index axis = std::abs(p[1].x() - p[0].x()) >= std::abs(p[1].y() - p[0].y()) ? 0 : 1;
+    const auto is_lower = [&](const Point& x, const Point& y) { return x[axis] < y[axis]; };
+    const Point low = std::max(std::min(p[0], p[1], is_lower), std::min(q[0], q[1], is_lower), is_lower);
+    const Point high = std::min(std::max(p[0], p[1], is_lower), std::max(q[0], q[1], is_lower), is_lower);
+    if (is_lower(high, low)) return {};
     const auto part = [&](const Piece& line) {
-      const double from = line.curve.p[0][axis];
-      const double length = line.curve.p[1][axis] - from;
-      const auto [t0, t1] = std::minmax({(low - from) / length, (high - from) / length});
+      const auto [t0, t1] = std::minmax({parameter(line.curve, low), parameter(line.curve, high)});
       Stretch stretch = line.on;
-      stretch.u0 = std::clamp(t0, 0.0, 1.0);
-      stretch.u1 = std::clamp(t1, 0.0, 1.0);
+      stretch.u0 = t0;
+      stretch.u1 = t1;
       return stretch;
     };
-    if (low < high) return {true, Hit{Meeting::Overlap, part(a), part(b)}};
+    if (is_lower(low, high)) return {true, Hit{Meeting::Overlap, part(a), part(b)}};
     if (pair.joints() > 0) return {true, std::nullopt};
     return touch(part(a), part(b));
   }
   if (pair.joints() > 0) return {};
   if (on_a[0] == on_a[1] || on_b[0] == on_b[1]) return {};
+  for (std::size_t k = 0; k < 2; ++k) {
+    if (on_a[k] == CGAL::COLLINEAR) return touch(at(a, parameter(a.curve, q[k])), at(b, static_cast<double>(k)));
+    if (on_b[k] == CGAL::COLLINEAR) return touch(at(a, static_cast<double>(k)), at(b, parameter(b.curve, p[k])));
+  }
+  if (!must_cross(a.curve, b.curve, margin)) return {};
   const double area = cross(p[1] - p[0], q[1] - q[0]);
   const double s = std::clamp(cross(q[0] - p[0], q[1] - q[0]) / area, 0.0, 1.0);
   const double t = std::clamp(cross(q[0] - p[0], p[1] - p[0]) / area, 0.0, 1.0);
-  for (std::size_t k = 0; k < 2; ++k) {
-    const double end = static_cast<double>(k);
-    if (on_a[k] == CGAL::COLLINEAR) {
-      return touch(at(a, on_b[0] == CGAL::COLLINEAR ? 0.0 : on_b[1] == CGAL::COLLINEAR ? 1.0 : s), at(b, end));
-    }
-    if (on_b[k] == CGAL::COLLINEAR) return touch(at(a, end), at(b, t));
-  }
-  if (!must_cross(a.curve, b.curve, margin)) return {};
   return {true, Hit{Meeting::Crossing, at(a, s), at(b, t)}};
 }
 
@@ -451,10 +454,7 @@ Verdict compare_line_and_curve(const Piece& line, const Piece& curve) {
   }
   if (beyond == CGAL::COLLINEAR || (ends[0] == CGAL::COLLINEAR) == (ends[1] == CGAL::COLLINEAR)) return {};
   const bool at_start = ends[0] == CGAL::COLLINEAR;
-  const Point x = at_start ? curve.curve.start() : curve.curve.end();
-  Eigen::Index axis = 0;
-  (to - from).cwiseAbs().maxCoeff(&axis);
-  const double t = (x[axis] - from[axis]) / (to[axis] - from[axis]);
+  const double t = parameter(line.curve, at_start ? curve.curve.start() : curve.curve.end());
   if (!(t > 0.0 && t < 1.0)) return {};
   return {true, Hit{Meeting::Contact, at(line, t), at(curve, at_start ? 0.0 : 1.0)}};
 }
@@ -538,7 +538,10 @@ void add_meetings(Pair whole, const Tolerance& tolerance, long& budget, std::vec
   Verdict verdict;
   if (a_is_line && b_is_line) verdict = compare_lines(whole, tolerance.margin);
   if (a_is_line && !b_is_line && whole.joints() == 0) verdict = compare_line_and_curve(whole.a, whole.b);
-  if (b_is_line && !a_is_line && whole.joints() == 0) verdict = compare_line_and_curve(whole.b, whole.a);
+  if (b_is_line && !a_is_line && whole.joints() == 0) {
+    verdict = compare_line_and_curve(whole.b, whole.a);
+    if (verdict.hit) std::swap(verdict.hit->a, verdict.hit->b);
+  }
   if (verdict.hit) hits.push_back(*verdict.hit);
   if (verdict.decided) return;
   // Ends that are one point though no neighbours share it.

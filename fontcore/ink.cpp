@@ -16,7 +16,8 @@ namespace {
 
 // Heights nearer than this are one, as share of the largest coordinate.
 constexpr double same_height = 1e-13;
-// Slabs in which edges change places are halved until this much area lies between them, as share of the box.
+// Slabs in which edges change places are halved until this much area lies between them, as share of the
+// square of the box's diagonal.
 constexpr double settled_area = 1e-13;
 
 // Edges ---------------------------------------------------------------------------------------------------------------
@@ -450,7 +451,7 @@ Ink measure_ink(const std::vector<BezierContour>& contours, const std::vector<Cr
       std::unique(heights.begin(), heights.end(), [&](double low, double high) { return high - low <= least; }),
       heights.end());
 
-  Slabs slabs(edges, options, settled_area * size.x() * size.y());
+  Slabs slabs(edges, options, settled_area * size.squaredNorm());
   slabs.sweep(heights);
   Ink ink{slabs.area(), slabs.regions().parts(), slabs.regions().counters()};
   for (Box& counter : ink.counters) {

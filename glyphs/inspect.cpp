@@ -211,7 +211,7 @@ std::string crossings_json(const Font& font, const std::vector<GlyphCrossings>& 
       if (check.within && !glyph.trouble.empty()) log("ERROR", glyph.name + ": " + glyph.trouble, glyph);
       for (const fontcore::Crossing& crossing : glyph.crossings) {
         if ((crossing.a.contour == crossing.b.contour) != check.within) continue;
-        Json& entry = log(crossing.meeting == Meeting::Crossing ? "FAIL" : "WARN", describe(glyph, crossing), glyph);
+        Json& entry = log(crossing.meeting == Meeting::Contact ? "WARN" : "FAIL", describe(glyph, crossing), glyph);
         entry["kind"] = kinds[static_cast<std::size_t>(crossing.meeting)];
         entry["x"] = crossing.where.x();
         entry["y"] = crossing.where.y();

@@ -297,6 +297,19 @@ TEST_CASE("ends that are one point or lie on an edge are contacts to the last bi
   }
 }
 
+TEST_CASE("a line through the middle of a curve crosses it there, whichever comes first", "[crossing]") {
+  // The curve turns back, so that it is cut in its middle, (45, 75), which lies on the line.
+  const BezierContour curve = outline({{60, 90}, {60, 30}, {0, 120}, {120, 60}, {200, 300}}, "nccnn");
+  const BezierContour line = polygon({{60, 60}, {0, 120}, {-200, -50}});
+  for (const auto& contours : {std::vector{curve, line}, std::vector{line, curve}, std::vector{reverse(curve), line},
+                               std::vector{line, reverse(curve)}}) {
+    const auto found = find_crossings(contours);
+    CHECK(std::any_of(found.begin(), found.end(), [](const Crossing& one) {
+      return one.meeting == Meeting::Crossing && (one.where - Point(45, 75)).norm() < 1e-9;
+    }));
+  }
+}
+
 TEST_CASE("quadratics that touch or miss by less than any margin are never clear if they meet", "[crossing]") {
   // Two parabolas, the lower one raised by the gap.
   const auto pair = [](double gap) {
