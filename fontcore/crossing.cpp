@@ -28,6 +28,9 @@ constexpr std::size_t undecided_limit = 4096;
 constexpr double overlap_length = 1000.0;
 // Findings of the same two branches this many contact distances apart are one.
 constexpr double merging_distance = 10.0;
+// Of cutting a curve that turns back, in pairs of pieces: a cusp needs thirty, coordinates beyond all bounds would not
+// end.
+constexpr long work_of_halving = 100;
 // Branches are told apart round a point if their directions differ by this. Radians.
 constexpr double least_angle = 1e-4;
 constexpr double largest_window = 1.0;  // radius in which branches round a point are looked at, font units
@@ -120,9 +123,7 @@ bool goes_forward(const Bezier& curve) {
   for (std::size_t k = 0; k + 1 < count(curve); ++k) {
     const Point step = curve.p[k + 1] - curve.p[k];
     if (step == Point::Zero()) continue;
-    const double forward = step.dot(chord);
-    if (forward <= 0.0 || forward * forward <= least_cosine * least_cosine * step.squaredNorm() * chord.squaredNorm())
-      return false;
+    if (step.dot(chord) <= least_cosine * step.norm() * chord.norm()) return false;
   }
   return chord != Point::Zero();
 }
@@ -626,7 +627,7 @@ std::optional<std::pair<double, double>> double_point(const Bezier& curve, doubl
 /// All segments cut into pieces that go forward, in order.
 class Pieces {
  public:
-  Pieces(const std::vector<BezierContour>& contours, const Tolerance& tolerance);
+  Pieces(const std::vector<BezierContour>& contours, const Tolerance& tolerance, long& budget);
 
   const Piece& operator[](std::size_t i) const { return pieces_[i]; }
   std::size_t size() const { return pieces_.size(); }
@@ -641,7 +642,7 @@ class Pieces {
   const std::vector<Hit>& loops() const { return loops_; }
 
  private:
-  void add(const Bezier& curve, int contour, int segment, const Tolerance& tolerance);
+  void add(const Bezier& curve, int contour, int segment, const Tolerance& tolerance, long& budget);
 
   std::vector<Piece> pieces_;
   std::vector<std::size_t> next_;
@@ -649,7 +650,7 @@ class Pieces {
   std::vector<Hit> loops_;
 };
 
-Pieces::Pieces(const std::vector<BezierContour>& contours, const Tolerance& tolerance) {
+Pieces::Pieces(const std::vector<BezierContour>& contours, const Tolerance& tolerance, long& budget) {
   std::size_t segments = 0;
   for (const BezierContour& contour : contours) segments += static_cast<std::size_t>(contour.segment_count());
   pieces_.reserve(segments + segments / 4);
@@ -657,7 +658,7 @@ Pieces::Pieces(const std::vector<BezierContour>& contours, const Tolerance& tole
   for (std::size_t c = 0; c < contours.size(); ++c) {
     const std::size_t first = pieces_.size();
     for (int s = 0; s < contours[c].segment_count(); ++s) {
-      add(contours[c].segment(s), static_cast<int>(c), s, tolerance);
+      add(contours[c].segment(s), static_cast<int>(c), s, tolerance, budget);
     }
     for (std::size_t i = first; i < pieces_.size(); ++i) next_.push_back(i + 1);
     if (pieces_.size() == first) continue;
@@ -674,7 +675,7 @@ Pieces::Pieces(const std::vector<BezierContour>& contours, const Tolerance& tole
   }
 }
 
-void Pieces::add(const Bezier& curve, int contour, int segment, const Tolerance& tolerance) {
+void Pieces::add(const Bezier& curve, int contour, int segment, const Tolerance& tolerance, long& budget) {
   const Piece whole{{contour, segment, 0.0, 1.0}, curve, box(curve)};
   if (whole.box.size() <= tolerance.margin) return;
   bool settled = false;
@@ -697,6 +698,7 @@ void Pieces::add(const Bezier& curve, int contour, int segment, const Tolerance&
       if (goes_forward(piece.curve) || piece.box.size() < tolerance.contact) {
         pieces_.push_back(piece);
       } else {
+        spend(budget, work_of_halving);
         const auto half = halves(piece);
         open.push_back(half[1]);
         open.push_back(half[0]);
@@ -708,7 +710,7 @@ void Pieces::add(const Bezier& curve, int contour, int segment, const Tolerance&
 
 /// All hits between pieces whose boxes meet, found by sweeping the boxes in x.
 std::vector<Hit> all_hits(const std::vector<BezierContour>& contours, const Tolerance& tolerance, long budget) {
-  const Pieces pieces(contours, tolerance);
+  const Pieces pieces(contours, tolerance, budget);
   std::vector<Hit> hits = pieces.loops();
   struct Entry {
     Box box;

@@ -58,7 +58,7 @@ struct CrossingOptions {
 ///         Not seen: contacts between places less than ten times `contact_distance` apart along the contour; the loop
 ///         of a cubic if smaller than the margin.
 /// Throws  InvalidInput if contact_distance is not positive; WorkLimitExceeded on outlines that lie on themselves so
-///         often that listing it would take `most_work`.
+///         often that listing it would take `most_work`, and on coordinates whose squares are no doubles.
 std::vector<Crossing> find_crossings(const std::vector<BezierContour>& contours, const CrossingOptions& options = {});
 
 /// True if the contour meets itself nowhere.

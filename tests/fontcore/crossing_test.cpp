@@ -644,6 +644,11 @@ TEST_CASE("an edit is judged by the crossings it adds to each pair of contours",
 TEST_CASE("an outline made to exhaust the check is given up, not searched for ever", "[crossing]") {
   const std::vector<BezierContour> pile(3000, shapes::square(500));
   CHECK_THROWS_AS(find_crossings(pile), fontcore::WorkLimitExceeded);
+  const auto large = [](double size) {
+    return outline({{0, 0}, {size, size}, {-size, size}, {size / 8, 0}, {0, -size}}, "nccnn");
+  };
+  CHECK(meetings({large(1e150)}) == "crossing");
+  CHECK_THROWS_AS(find_crossings({large(1e300)}), fontcore::WorkLimitExceeded);
 }
 
 TEST_CASE("a contact distance that is not positive is refused", "[crossing]") {

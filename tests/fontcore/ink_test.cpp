@@ -267,6 +267,34 @@ TEST_CASE("the ink of random contours is that along fine lines", "[ink]") {
   }
 }
 
+TEST_CASE("outlines full of contacts and overlaps have the same ink turned and turned round", "[ink]") {
+  std::mt19937 random(5);
+  for (int k = 0; k < 200; ++k) {
+    const int grid = 2 + k % 5;
+    Contours contours;
+    for (int c = 0; c < 3; ++c) {
+      std::vector<Point> points;
+      for (int i = 0; i < 3 + k % 4; ++i) {
+        const double x = 120.0 / grid * static_cast<double>(random() % static_cast<unsigned>(grid + 1));
+        points.emplace_back(x, 120.0 / grid * static_cast<double>(random() % static_cast<unsigned>(grid + 1)));
+      }
+      contours.push_back(shapes::polygon(points));
+    }
+    CAPTURE(k, contours[0].points(), contours[1].points(), contours[2].points());
+    const double area = measure_ink(contours).area;
+    CHECK(area == Approx(area_by_lines(contours, 1e9, 2000)).margin(10));
+    CHECK(measure_ink({reverse(contours[2]), reverse(contours[1]), reverse(contours[0])}).area ==
+          Approx(area).margin(1e-6));
+    const Contours slanted = turned(contours, 0.7);
+    const auto crossings = find_crossings(slanted);
+    CHECK(std::all_of(crossings.begin(), crossings.end(), [](const Crossing& one) { return one.where.allFinite(); }));
+    CHECK(measure_ink(slanted, crossings).area == Approx(area).margin(1e-5));
+  }
+  // Without width or height.
+  CHECK(measure_ink({shapes::polygon({{7, 0}, {7, 50}, {7, 20}, {7, 90}})}).area == 0.0);
+  CHECK(measure_ink({shapes::polygon({{0, 7}, {50, 7}, {20, 7}, {90, 7}})}).area == 0.0);
+}
+
 TEST_CASE("a counter that a stroke grows over is closed", "[ink]") {
   const auto letter = [](double counter, double other) {
     return Contours{rectangle(0, 0, 300, 600), reverse(rectangle(100, 350, 100 + counter, 500)),
