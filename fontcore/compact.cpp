@@ -41,7 +41,7 @@ constexpr double most_candidates = 56.0;
 // The part of the tolerance that the solver aims for: the rest is for what lies between the samples.
 constexpr double aim = 0.985;
 constexpr double polyline_sagitta = 0.006;  // share of the tolerance
-constexpr double measuring_accuracy = 0.002;
+constexpr double measuring_accuracy = 0.004;
 
 Point tangent_at(const Bezier& b, double u) {
   if (u <= 0.0) return start_tangent(b);

@@ -656,16 +656,17 @@ std::optional<std::vector<Bezier>> ChainFit::rounded(const Point& fraction, int 
       }
     }
   }
-  const auto run = [&](std::size_t start, bool is_fixed) {
-    std::vector<double> worst(states[0].size(), is_fixed ? never : 0.0);
-    if (is_fixed) worst[start] = 0.0;
+  // The best path of those that are better than a limit.
+  const auto run = [&](std::optional<std::size_t> start, double limit) {
+    std::vector<double> worst(states[0].size(), start ? never : 0.0);
+    if (start) worst[*start] = 0.0;
     std::vector<std::vector<int>> came(at(k));
     for (int i = 0; i < k; ++i) {
       const auto& table = cost[at(i)];
-      std::vector<double> next(states[at(chain_.next(i))].size(), never);
+      std::vector<double> next(states[at(chain_.next(i))].size(), limit);
       came[at(i)].assign(next.size(), -1);
       for (std::size_t a = 0; a < worst.size(); ++a) {
-        if (worst[a] == never) continue;
+        if (worst[a] >= limit) continue;
         for (std::size_t b = 0; b < next.size(); ++b) {
           const double here = std::max(worst[a], table[a][b]);
           if (here < next[b]) {
@@ -676,10 +677,10 @@ std::optional<std::vector<Bezier>> ChainFit::rounded(const Point& fraction, int 
       }
       worst = std::move(next);
     }
-    std::size_t last = static_cast<std::size_t>(std::min_element(worst.begin(), worst.end()) - worst.begin());
-    if (is_fixed && chain_.is_closed) last = start;
+    const std::size_t last =
+        start ? *start : static_cast<std::size_t>(std::min_element(worst.begin(), worst.end()) - worst.begin());
     Path path{worst[last], {}};
-    if (path.worst == never) return path;
+    if (came.back()[last] < 0) return Path{};
     int state = static_cast<int>(last);
     path.choice.assign(at(k + 1), 0);
     for (int i = k; i > 0; --i) {
@@ -692,11 +693,11 @@ std::optional<std::vector<Bezier>> ChainFit::rounded(const Point& fraction, int 
   Path best;
   if (chain_.is_closed) {
     for (std::size_t s = 0; s < states[0].size(); ++s) {
-      Path path = run(s, true);
+      Path path = run(s, best.worst);
       if (path.worst < best.worst) best = std::move(path);
     }
   } else {
-    best = run(0, false);
+    best = run(std::nullopt, never);
   }
   if (best.worst == never) return std::nullopt;
   std::vector<Bezier> result;
