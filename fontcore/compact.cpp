@@ -125,6 +125,20 @@ struct Settings {
   double unit = 1.0;               // a thousandth of the em
 };
 
+// The nearest point of whole numbers, if coordinates are to be whole; of two as near, the one nearer to the first node.
+Point whole(const Settings& settings, const Point& p) {
+  if (settings.options.coordinates == Coordinates::Any) return p;
+  Point rounded;
+  for (int axis = 0; axis < 2; ++axis) {
+    const double below = std::floor(p[axis] + settings.fraction[axis]) - settings.fraction[axis];
+    const double down = p[axis] - below;
+    const double up = below + 1.0 - p[axis];
+    const bool takes_below = down != up ? down < up : std::abs(below) < std::abs(below + 1.0);
+    rounded[axis] = takes_below ? below : below + 1.0;
+  }
+  return rounded;
+}
+
 // What is asked of a stretch beside its curve.
 struct Task {
   Stretch stretch;
@@ -173,6 +187,7 @@ class Search {
   Chain laid(const std::vector<int>& breaks);
   std::vector<std::vector<Path>> paths(int most);
   std::optional<Result> accepted(ChainFit fit);
+  Chain held_on_whole_numbers(const Chain& chain) const;
   std::optional<Result> tried(Chain chain, double* error = nullptr);
   Result shortened(Chain chain, Result result);
   bool verified(const std::vector<Bezier>& pieces) const;
@@ -424,8 +439,7 @@ std::optional<Result> Search::accepted(ChainFit fit) {
   const auto turn_of = [](const Join& join, const Point& tangent) {
     return join.is_corner ? join.turned + angle(join.tangent, tangent) : 0.0;
   };
-  const auto result_of = [&](std::vector<Bezier> pieces) {
-    const Chain& chain = fit.chain();
+  const auto result_of = [&](std::vector<Bezier> pieces, const Chain& chain) {
     last_ = chain;
     int first = -1;
     for (int i = 0; i < chain.size(); ++i) {
@@ -446,11 +460,11 @@ std::optional<Result> Search::accepted(ChainFit fit) {
   if (settings_.options.coordinates == Coordinates::Any) {
     std::vector<Bezier> pieces;
     for (int i = 0; i < fit.chain().size(); ++i) pieces.push_back(fit.chain().piece(i));
-    if (verified(pieces)) return result_of(std::move(pieces));
+    if (verified(pieces)) return result_of(std::move(pieces), fit.chain());
     if (fit.solve(0.9 * tolerance, 12)) {
       pieces.clear();
       for (int i = 0; i < fit.chain().size(); ++i) pieces.push_back(fit.chain().piece(i));
-      if (verified(pieces)) return result_of(std::move(pieces));
+      if (verified(pieces)) return result_of(std::move(pieces), fit.chain());
     }
     work_ += fit.work();
     return std::nullopt;
@@ -459,12 +473,64 @@ std::optional<Result> Search::accepted(ChainFit fit) {
   const long before = fit.work();
   fit.solve(std::max(0.2 * tolerance, tolerance - 0.75), 30, ChainFit::Until::Least);
   work_ += fit.work() - before;
-  for (const auto& [reach, states] : {std::pair{0, std::size_t{24}}, std::pair{1, std::size_t{80}}}) {
-    const auto pieces = fit.rounded(settings_.fraction, reach, states);
+  const auto on_whole_numbers = [&](const ChainFit& on, int reach, std::size_t states) -> std::optional<Result> {
+    const auto pieces = on.rounded(settings_.fraction, reach, states);
     work_ += static_cast<long>(task_.stretch.samples.size()) * (reach + 1);
-    if (pieces && verified(*pieces)) return result_of(*pieces);
+    if (!pieces || !verified(*pieces)) return std::nullopt;
+    return result_of(*pieces, on.chain());
+  };
+  if (auto result = on_whole_numbers(fit, 0, 24)) return result;
+  if (auto result = on_whole_numbers(fit, 1, 80)) return result;
+  // Where a unit is coarse: joins first, each to the whole numbers nearest to the curve thereabouts, then the rest
+  // anew.
+  ChainFit held(task_.stretch, held_on_whole_numbers(fit.chain()));
+  held.solve(std::max(0.2 * tolerance, tolerance - 0.75), 30, ChainFit::Until::Least);
+  work_ += held.work();
+  if (held.worst() > tolerance) return std::nullopt;
+  return on_whole_numbers(held, 1, 80);
+}
+
+// Joins that may be anywhere held at points of whole numbers, of those near by the one nearest to the chain's own
+// curves.
+Chain Search::held_on_whole_numbers(const Chain& chain) const {
+  constexpr int around = 3;
+  constexpr int steps = 48;
+  Chain held = chain;
+  if (chain.kind == CurveKind::Quadratic) return held;
+  for (std::size_t j = 0; j < held.joins.size(); ++j) {
+    Join& join = held.joins[j];
+    if (!join.moves) continue;
+    const int after = static_cast<int>(j);
+    const int before = after == 0 ? chain.size() - 1 : after - 1;
+    std::vector<Point> near;
+    for (const auto& [piece, from] : {std::pair{before, 0.5}, std::pair{after, 0.0}}) {
+      const Bezier curve = chain.piece(piece);
+      for (int i = 0; i <= steps; ++i) near.push_back(evaluate(curve, from + 0.5 * i / steps));
+    }
+    const Point base = whole(settings_, join.place);
+    double least = never;
+    for (int x = -around; x <= around; ++x) {
+      for (int y = -around; y <= around; ++y) {
+        const Point p = base + Point(x, y);
+        double distance = never;
+        for (std::size_t i = 0; i + 1 < near.size(); ++i) {
+          const Point d = near[i + 1] - near[i];
+          const double square = d.squaredNorm();
+          const double u = square > 0.0 ? std::clamp((p - near[i]).dot(d) / square, 0.0, 1.0) : 0.0;
+          distance = std::min(distance, (p - near[i] - u * d).norm());
+        }
+        // Of two as near the one closer by, so that mirroring mirrors.
+        const double cost = distance + 0.02 * (p - join.place).norm();
+        if (cost < least) {
+          least = cost;
+          join.home = p;
+        }
+      }
+    }
+    join.place = join.home;
+    join.moves = false;
   }
-  return std::nullopt;
+  return held;
 }
 
 std::optional<Result> Search::tried(Chain chain, double* error) {
@@ -624,7 +690,7 @@ class ContourFit {
   bool is_admissible(int segment) const;
   const Element& element(int i) const { return elements_[at((i + count()) % count())]; }
   int count() const { return static_cast<int>(elements_.size()); }
-  Point whole(const Point& p) const;
+  Point whole(const Point& p) const { return compact::whole(settings_, p); }
 
   const BezierContour& source_;
   Settings settings_;
@@ -641,19 +707,6 @@ ContourFit::ContourFit(const BezierContour& source, const CompactOptions& option
   settings_.unit = options.units_per_em / 1000.0;
   origin_ = source.point(source.node(0));
   for (int axis = 0; axis < 2; ++axis) settings_.fraction[axis] = origin_[axis] - std::floor(origin_[axis]);
-}
-
-Point ContourFit::whole(const Point& p) const {
-  if (settings_.options.coordinates == Coordinates::Any) return p;
-  Point rounded;
-  for (int axis = 0; axis < 2; ++axis) {
-    const double below = std::floor(p[axis] + settings_.fraction[axis]) - settings_.fraction[axis];
-    const double down = p[axis] - below;
-    const double up = below + 1.0 - p[axis];
-    const bool takes_below = down != up ? down < up : std::abs(below) < std::abs(below + 1.0);
-    rounded[axis] = takes_below ? below : below + 1.0;
-  }
-  return rounded;
 }
 
 CompactFit ContourFit::as_it_was(std::string why) const {
@@ -797,8 +850,8 @@ Task ContourFit::task_of(int from, int to) const {
     const double size = d.norm();
     return size > 0.0 ? size : (b.end() - b.start()).norm();
   };
-  // The first node stays where it is; where nodes are free, that of a smooth contour may be any.
-  const bool holds_first = options.extrema == Extrema::Keep;
+  // The first node stays where it is; where nodes are free, or it is no point of the font, the nearest will do.
+  const bool holds_first = options.extrema == Extrema::Keep && source_.kind(source_.node(0)) != PointKind::ImpliedNode;
   const auto make_first = [&](Join& join) {
     join.is_first = true;
     join.home = join.place = whole(join.place);
@@ -823,10 +876,11 @@ Task ContourFit::task_of(int from, int to) const {
       const double slack =
           1.4 / std::max(1.0, std::min(handle_of(own.curve, is_start), handle_of(beside.curve, !is_start)));
       const double turned = corner_turn_[at(node_index)];
+      const double share = to - from == count() ? 0.5 : 1.0;  // its other end is the same corner
       join.turns = true;
-      join.turn_low = turned - corner_freedom - 0.8 * slack;
-      join.turn_high = turned + corner_freedom + 0.8 * slack;
-      join.turn_slack = 0.15 * slack;
+      join.turn_low = turned - share * (corner_freedom + 0.8 * slack);
+      join.turn_high = turned + share * (corner_freedom + 0.8 * slack);
+      join.turn_slack = share * 0.15 * slack;
       join.home = join.place = whole(join.place);
       return join;
     }
@@ -1034,11 +1088,11 @@ Task ContourFit::task_of(int from, int to) const {
     is_admissible_as_is = is_admissible_as_is && (element(i).curve.degree == 1 || is_admissible(element(i).source));
     has_cubic = has_cubic || element(i).curve.degree == 3;
   }
-  // Quadratics for cubics may have to be more.
+  // What cannot be written as it is may have to be more: quadratics for cubics, or cubics between whole numbers.
   constexpr int quadratics_for_cubic = 8;
   task.most_pieces = options.curve == CurveKind::Quadratic && has_cubic ? quadratics_for_cubic * segments
                      : is_admissible_as_is                              ? segments - 1
-                                                                        : segments;
+                                                                        : 2 * segments;
   return task;
 }
 
