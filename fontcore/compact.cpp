@@ -42,6 +42,7 @@ constexpr double most_candidates = 56.0;
 constexpr double aim = 0.985;
 constexpr double polyline_sagitta = 0.006;  // share of the tolerance
 constexpr double measuring_accuracy = 0.004;
+constexpr const char* too_much_work = "the work for the shortest outline would be more than is allowed";
 
 Point tangent_at(const Bezier& b, double u) {
   if (u <= 0.0) return start_tangent(b);
@@ -183,6 +184,7 @@ class Search {
     double in;
   };
   Span span(int i, int j);
+  Span quadratic_span(int i, int j);
   double span_error(int i, int j) { return span(i, j).error; }
   Chain laid(const std::vector<int>& breaks);
   std::vector<std::vector<Path>> paths(int most);
@@ -226,6 +228,7 @@ std::vector<Join> Search::joins_at(const std::vector<int>& breaks) const {
 
 // How well one cubic with the source's tangents at its ends does between two samples: what orders candidates.
 Search::Span Search::span(int i, int j) {
+  if (settings_.options.curve == CurveKind::Quadratic) return quadratic_span(i, j);
   const auto& samples = task_.stretch.samples;
   const Sample& a = samples[at(i)];
   const Sample& b = samples[at(j)];
@@ -289,6 +292,37 @@ Search::Span Search::span(int i, int j) {
     in = std::clamp(in + std::clamp((h00 * g1 - h01 * g0) / determinant, -largest, largest), 0.03 * arc, 1.2 * arc);
   }
   return {worst, out, in};
+}
+
+// The same for one quadratic: the tangents leave it no freedom.
+Search::Span Search::quadratic_span(int i, int j) {
+  const auto& samples = task_.stretch.samples;
+  const Sample& a = samples[at(i)];
+  const Sample& b = samples[at(j)];
+  const Point chord = b.place - a.place;
+  const double sine = cross(a.tangent, b.tangent);
+  const double ahead = cross(chord, b.tangent) / sine;
+  const double behind = cross(a.tangent, chord) / sine;
+  const double arc = b.s - a.s;
+  const bool meets = std::abs(sine) > 1e-3 && ahead > 0.0 && behind > 0.0 && ahead < arc && behind < arc;
+  const Point handle = meets ? Point(a.place + ahead * a.tangent) : Point(0.5 * (a.place + b.place));
+  constexpr int most = 14;
+  const int step = 1 + (j - i - 1) / most;
+  double worst = 0.0;
+  for (int m = i + 1; m < j; m += step) {
+    double u = (samples[at(m)].s - a.s) / arc;
+    Point e = Point::Zero();
+    for (int round = 0; round < 3; ++round) {
+      const double v = 1.0 - u;
+      e = v * v * a.place + 2.0 * v * u * handle + u * u * b.place - samples[at(m)].place;
+      const Point d = 2.0 * (v * (handle - a.place) + u * (b.place - handle));
+      const double square = d.squaredNorm();
+      if (square > 1e-12) u = std::clamp(u - e.dot(d) / square, 0.0, 1.0);
+    }
+    worst = std::max(worst, e.norm());
+    work_ += 1;
+  }
+  return {worst, 0.0, 0.0};
 }
 
 // A chain to start from: every piece as good as it can be alone.
@@ -1088,11 +1122,13 @@ Task ContourFit::task_of(int from, int to) const {
     is_admissible_as_is = is_admissible_as_is && (element(i).curve.degree == 1 || is_admissible(element(i).source));
     has_cubic = has_cubic || element(i).curve.degree == 3;
   }
-  // What cannot be written as it is may have to be more: quadratics for cubics, or cubics between whole numbers.
+  // What cannot be written as it is may have to be more: quadratics for cubics, or curves between whole numbers where a
+  // unit is more than the tolerance.
   constexpr int quadratics_for_cubic = 8;
   task.most_pieces = options.curve == CurveKind::Quadratic && has_cubic ? quadratics_for_cubic * segments
                      : is_admissible_as_is                              ? segments - 1
-                                                                        : 2 * segments;
+                     : options.tolerance < 1.0                          ? 2 * segments
+                                                                        : segments;
   return task;
 }
 
@@ -1156,7 +1192,7 @@ CompactFit ContourFit::run() {
         ended += element(i).sources > 0 ? 1 : 0;
       }
     } else {
-      return as_it_was(work_ > options.most_work ? "the work would be more than is allowed"
+      return as_it_was(work_ > options.most_work ? too_much_work
                                                  : "no quadratics were found that stay within the tolerance");
     }
     written += static_cast<int>(pieces.size());
@@ -1176,7 +1212,8 @@ CompactFit ContourFit::run() {
   std::rotate(out.begin(), out.begin() + first, out.end());
   bool is_admissible_as_is = true;
   for (int s = 0; s < source_.segment_count(); ++s) is_admissible_as_is = is_admissible_as_is && is_admissible(s);
-  if (is_admissible_as_is && written >= source_.segment_count()) return as_it_was();
+  const std::string why = work_ > options.most_work ? too_much_work : std::string();
+  if (is_admissible_as_is && written >= source_.segment_count()) return as_it_was(why);
 
   bool begins_with_handle = false;
   Points points(static_cast<Eigen::Index>(4 * out.size()), 2);
@@ -1203,6 +1240,7 @@ CompactFit ContourFit::run() {
   CompactFit fit;
   fit.contour = BezierContour(std::move(points), std::move(kinds));
   fit.work = work_;
+  fit.why = why;
   const auto [deviation, where] = farthest(source_, fit.contour, measuring_accuracy * options.tolerance);
   fit.deviation = deviation;
   fit.where = where;

@@ -107,6 +107,7 @@ Contours simplify_glyph(const Font& font, int id, const SimplifyOptions& options
     int added = 0;
     for (double share = 1.0; share >= least_share; share *= 0.5) {
       Contours simplified;
+      long work = 0;  // all contours together have what one may take
       SimplifiedGlyph found = report;
       found.tolerance = share * options.tolerance * font.units_per_em / 1000.0;
       for (std::size_t c = 0; c < outline.size(); ++c) {
@@ -123,7 +124,9 @@ Contours simplify_glyph(const Font& font, int id, const SimplifyOptions& options
           simplified.push_back(own);
           continue;
         }
+        compact.most_work = std::max(0L, compact.most_work - work);
         CompactFit fit = fit_compact(own, compact);
+        work += fit.work;
         if (!fit.why.empty()) found.notes.push_back(text("contour ", c, ": ", fit.why));
         if (fit.deviation > found.deviation) {
           found.deviation = fit.deviation;
