@@ -190,14 +190,14 @@ class Search {
   std::vector<std::vector<Path>> paths(int most);
   std::optional<Result> accepted(ChainFit fit);
   Chain held_on_whole_numbers(const Chain& chain) const;
-  std::optional<Result> tried(Chain chain, double* error = nullptr);
-  Result shortened(Chain chain, Result result);
+  std::optional<Result> tried(const std::vector<int>& breaks, double* error = nullptr);
+  bool solves_around(Chain& chain, int piece);
+  std::vector<Chain> shortened(Chain chain);
   bool verified(const std::vector<Bezier>& pieces) const;
 
   const Task& task_;
   const Settings& settings_;
   long& work_;
-  std::optional<Chain> last_;  // of the last result accepted
 };
 
 const Task::Must* Search::must_at(int sample) const {
@@ -474,7 +474,6 @@ std::optional<Result> Search::accepted(ChainFit fit) {
     return join.is_corner ? join.turned + angle(join.tangent, tangent) : 0.0;
   };
   const auto result_of = [&](std::vector<Bezier> pieces, const Chain& chain) {
-    last_ = chain;
     int first = -1;
     for (int i = 0; i < chain.size(); ++i) {
       if (chain.joins[at(i)].is_first) first = i;
@@ -508,20 +507,21 @@ std::optional<Result> Search::accepted(ChainFit fit) {
   fit.solve(std::max(0.2 * tolerance, tolerance - 0.75), 30, ChainFit::Until::Least);
   work_ += fit.work() - before;
   const auto on_whole_numbers = [&](const ChainFit& on, int reach, std::size_t states) -> std::optional<Result> {
-    const auto pieces = on.rounded(settings_.fraction, reach, states);
-    work_ += static_cast<long>(task_.stretch.samples.size()) * (reach + 1);
+    const auto pieces = on.rounded(settings_.fraction, 1.05 * tolerance, reach, states);
+    work_ += static_cast<long>(task_.stretch.samples.size()) * (reach == 0 ? 4 : 20);  // by the time they take
     if (!pieces || !verified(*pieces)) return std::nullopt;
     return result_of(*pieces, on.chain());
   };
   if (auto result = on_whole_numbers(fit, 0, 24)) return result;
-  if (auto result = on_whole_numbers(fit, 1, 80)) return result;
+  if (auto result = on_whole_numbers(fit, 1, 48)) return result;
+  if (tolerance >= 1.0) return std::nullopt;
   // Where a unit is coarse: joins first, each to the whole numbers nearest to the curve thereabouts, then the rest
   // anew.
   ChainFit held(task_.stretch, held_on_whole_numbers(fit.chain()));
   held.solve(std::max(0.2 * tolerance, tolerance - 0.75), 30, ChainFit::Until::Least);
   work_ += held.work();
   if (held.worst() > tolerance) return std::nullopt;
-  return on_whole_numbers(held, 1, 80);
+  return on_whole_numbers(held, 1, 48);
 }
 
 // Joins that may be anywhere held at points of whole numbers, of those near by the one nearest to the chain's own
@@ -567,34 +567,85 @@ Chain Search::held_on_whole_numbers(const Chain& chain) const {
   return held;
 }
 
-std::optional<Result> Search::tried(Chain chain, double* error) {
-  ChainFit fit(task_.stretch, std::move(chain));
-  const bool is_within = fit.solve(aim * settings_.options.tolerance, 40);
+// A chain solved on both sides of one piece, three pieces at most each way, the rest held; false if it is not within.
+bool Search::solves_around(Chain& chain, int piece) {
+  constexpr int reach = 3;
+  const double within = aim * settings_.options.tolerance;
+  const int low = std::max(0, piece - reach);
+  const int high = std::min(chain.size(), piece + 1 + reach);  // joins
+  const bool is_whole = low == 0 && high == chain.size();
+  if (is_whole || chain.kind == CurveKind::Quadratic) {
+    ChainFit fit(task_.stretch, chain);
+    const bool is_within = fit.solve(within, 40);
+    work_ += fit.work();
+    if (is_within) chain = fit.chain();
+    return is_within;
+  }
+  const auto& samples = task_.stretch.samples;
+  Stretch around;
+  const bool has_start = low == 0 && !chain.is_closed;
+  const bool has_end = high == chain.size() && !chain.is_closed;
+  const int from = has_start ? 0 : chain.breaks[at(low)];
+  const int to = has_end ? static_cast<int>(samples.size()) - 1 : chain.breaks[at(high)];
+  around.samples.assign(samples.begin() + from, samples.begin() + to + 1);
+  around.first = chain.breaks[at(low)] - from;
+  around.last = chain.breaks[at(high)] - from;
+  Chain part;
+  for (int j = low; j <= high; ++j) {
+    Join join = chain.joins[at(j == chain.size() && chain.is_closed ? 0 : j)];
+    if ((j == low && !has_start) || (j == high && !has_end)) {
+      join.moves = join.turns = join.slides = false;
+      join.is_cut = true;
+    }
+    part.joins.push_back(join);
+    part.breaks.push_back(chain.breaks[at(j)] - from);
+  }
+  const auto copy = [&](const std::vector<double>& all) {
+    return std::vector<double>(all.begin() + low, all.begin() + high);
+  };
+  part.out = copy(chain.out);
+  part.in = copy(chain.in);
+  part.arc = copy(chain.arc);
+  ChainFit fit(around, std::move(part));
+  const bool is_within = fit.solve(within, 40);
   work_ += fit.work();
-  if (error != nullptr) *error = fit.worst();
-  return is_within ? accepted(std::move(fit)) : std::nullopt;
+  if (!is_within) return false;
+  const Chain& solved = fit.chain();
+  for (int i = low; i < high; ++i) {
+    chain.out[at(i)] = solved.out[at(i - low)];
+    chain.in[at(i)] = solved.in[at(i - low)];
+    const bool is_held = i == low && !has_start;
+    if (!is_held) chain.joins[at(i)] = solved.joins[at(i - low)];
+  }
+  if (has_end) chain.joins[at(high)] = solved.joins.back();
+  return true;
 }
 
-// Joins dropped while what is left still does.
-Result Search::shortened(Chain chain, Result result) {
+// A chain and shorter ones, each made from the one before by dropping a join while what is left stays within.
+std::vector<Chain> Search::shortened(Chain chain) {
   constexpr int tries = 4;
   const auto& samples = task_.stretch.samples;
+  std::vector<Chain> chains{chain};
   for (bool again = true; again && chain.size() >= 3 && !is_exhausted();) {
     again = false;
     const int k = chain.size();
     for (int j = 1; j < k; ++j) {  // the samples where the joins are by now
-      const Point place = chain.joins[at(j)].place;
+      Join& join = chain.joins[at(j)];
       int& own = chain.breaks[at(j)];
       double least = never;
       int nearest = own;
       for (int m = chain.breaks[at(j - 1)] + 1; m < chain.breaks[at(j + 1)]; ++m) {
-        const double square = (samples[at(m)].place - place).squaredNorm();
+        const double square = (samples[at(m)].place - join.place).squaredNorm();
         if (square < least) {
           least = square;
           nearest = m;
         }
       }
       own = nearest;
+      if (chain.kind == CurveKind::Quadratic && join.moves) {
+        join.home = join.place = samples[at(own)].place;
+        join.tangent = samples[at(own)].tangent;
+      }
     }
     struct Removal {
       double error;
@@ -622,14 +673,30 @@ Result Search::shortened(Chain chain, Result result) {
       const Span alone = span(fewer.breaks[at(j - 1)], fewer.breaks[at(j)]);
       fewer.out[at(j - 1)] = alone.out;
       fewer.in[at(j - 1)] = alone.in;
-      if (auto better = tried(std::move(fewer))) {
-        result = std::move(*better);
-        chain = *last_;
+      if (solves_around(fewer, j - 1)) {
+        chain = std::move(fewer);
+        chains.push_back(chain);
         again = true;
       }
     }
   }
-  return result;
+  return chains;
+}
+
+// The chain laid at these samples, solved, shortened and written, if it can be.
+std::optional<Result> Search::tried(const std::vector<int>& breaks, double* error) {
+  ChainFit fit(task_.stretch, laid(breaks));
+  const bool is_within = fit.solve(aim * settings_.options.tolerance, 40);
+  work_ += fit.work();
+  if (error != nullptr) *error = fit.worst();
+  if (!is_within) return std::nullopt;
+  if (fit.chain().size() < 3) return accepted(std::move(fit));
+  const std::vector<Chain> chains = shortened(fit.chain());
+  constexpr std::size_t most = 4;  // what many pieces more cannot be written on whole numbers will not be with another
+  for (std::size_t i = 0; i < std::min(most, chains.size()); ++i) {
+    if (auto result = accepted(ChainFit(task_.stretch, chains[chains.size() - 1 - i]))) return result;
+  }
+  return std::nullopt;
 }
 
 std::optional<Result> Search::run() {
@@ -638,7 +705,7 @@ std::optional<Result> Search::run() {
   if (most < 1) return std::nullopt;
   if (task_.musts.empty() && !stretch.is_closed) {
     std::vector<int> ends{stretch.first, stretch.last};
-    if (auto result = tried(laid(ends))) return result;
+    if (auto result = tried(ends)) return result;
   }
   if (most < 2) return std::nullopt;
   const auto by_count = paths(most);
@@ -674,8 +741,7 @@ std::optional<Result> Search::run() {
       if (is_known) continue;
       seen.push_back(&path);
       double error = 0.0;
-      auto result = tried(laid(path.breaks), &error);
-      if (result) return k >= 3 ? shortened(*last_, std::move(*result)) : result;
+      if (auto result = tried(path.breaks, &error)) return result;
       if (tries++ == 0) first_error = error;
     }
   }
@@ -1261,7 +1327,7 @@ CompactFit fit_compact(const BezierContour& source, const CompactOptions& option
   for (const double share : {1.0, 0.9, 0.7}) {  // what was missed between the places looked at
     aimed.tolerance = share * options.tolerance;
     fit = compact::ContourFit(source, aimed).run();
-    if (fit.deviation <= options.tolerance) return fit;
+    if (fit.deviation <= (1.0 - compact::measuring_accuracy) * options.tolerance) return fit;
   }
   if (fit.why.empty()) fit.why = text("it is ", fit.deviation, " units off");
   return fit;

@@ -23,7 +23,7 @@ struct CompactOptions {
   double corner_angle = 0.139626;  ///< sharper turns are corners, radians (8 degrees)
   double straight_run = 0.03;      ///< straight runs this long stay lines, em
   std::vector<int> corners;        ///< points of the contour that are corners however little they turn
-  long most_work = 250'000;        ///< samples looked at by the solver: in a millisecond about fifteen thousand
+  long most_work = 170'000;        ///< samples looked at by the solver: in a millisecond about ten thousand or more
 };
 
 /// An outline of fewer segments, and where it is farthest from the one it stands for.

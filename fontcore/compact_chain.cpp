@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
+#include <numeric>
 
 #include "fontcore/profile.h"
 
@@ -248,7 +248,7 @@ double ChainFit::project(int newton) {
     foot.piece = piece;
     foot.u = u;
     // Beyond an end that slides there is its line: the bounds of the slide keep the distance.
-    foot.is_active = !(before && first.slides) && !(beyond && last.slides);
+    foot.is_active = !(before && (first.slides || first.is_cut)) && !(beyond && (last.slides || last.is_cut));
     foot.residual = 0.0;
     if (!foot.is_active) continue;
     const Polynomial& c = polynomials[at(piece)];
@@ -478,7 +478,11 @@ bool ChainFit::solve(double distance, int rounds, Until until) {
 
 namespace {
 
-constexpr double smooth_angle = 1.45 * std::numbers::pi / 180.0;  // 1.5 degrees are promised
+constexpr double smooth_sine = 0.0253;  // of 1.45 degrees: 1.5 are promised
+
+bool is_smooth(const Point& a, const Point& b) {
+  return a.dot(b) > 0.0 && cross(a, b) * cross(a, b) <= smooth_sine * smooth_sine * a.squaredNorm() * b.squaredNorm();
+}
 
 // Whole numbers near a value, nearest first: the two beside it, and `reach` more on each side. Numbers are whole if
 // `fraction` added makes them so. In every order and choice an odd function of the value, so that mirroring mirrors.
@@ -520,7 +524,8 @@ struct State {
 
 }  // namespace
 
-std::optional<std::vector<Bezier>> ChainFit::rounded(const Point& fraction, int reach, std::size_t most_states) const {
+std::optional<std::vector<Bezier>> ChainFit::rounded(const Point& fraction, double most_distance, int reach,
+                                                     std::size_t most_states) const {
   const bool cubic = chain_.kind == CurveKind::Cubic;
   const int k = chain_.size();
   const int count = static_cast<int>(chain_.joins.size());
@@ -562,9 +567,21 @@ std::optional<std::vector<Bezier>> ChainFit::rounded(const Point& fraction, int 
     } else {
       nodes = {lattice_near(join.place, fraction, 0).front()};
     }
+    const auto square = [](double x) { return x * x; };
+    // Across the tangent a handle counts, along it hardly.
+    const auto handle_rank = [&](const Point& d) { return 0.4 * square(d.dot(normal)) + 0.05 * d.squaredNorm(); };
+    constexpr std::size_t most_handles = 9;
     const auto handles = [&](const Point& handle, const Point& node) {
-      if (!is_axial) return lattice_near(handle, fraction, reach);
       std::vector<Point> list;
+      if (!is_axial) {
+        list = lattice_near(handle, fraction, reach);
+        if (!cubic || list.size() <= most_handles) return list;
+        std::stable_sort(list.begin(), list.end(), [&](const Point& a, const Point& b) {
+          return handle_rank(a - handle) < handle_rank(b - handle);
+        });
+        list.resize(most_handles);
+        return list;
+      }
       for (const double v : whole_near(handle[axis], fraction[axis], reach)) {
         Point p = node;
         p[axis] = v;
@@ -573,6 +590,7 @@ std::optional<std::vector<Bezier>> ChainFit::rounded(const Point& fraction, int 
       return list;
     };
     auto& list = states[at(j)];
+    list.reserve(nodes.size() * most_handles * most_handles);
     for (const Point& wished : nodes) {
       const std::vector<Point> ins = has_in ? handles(in, wished) : std::vector<Point>{wished};
       const std::vector<Point> outs = has_out ? handles(out, wished) : std::vector<Point>{wished};
@@ -583,7 +601,7 @@ std::optional<std::vector<Bezier>> ChainFit::rounded(const Point& fraction, int 
           const Point leaving = b - node;
           if (has_in && !(arriving.dot(join.tangent) > 0.0)) continue;
           if (has_out && !(leaving.dot(join.tangent) > 0.0)) continue;
-          if (has_in && has_out && !implied && std::abs(angle(arriving, leaving)) > smooth_angle) continue;
+          if (has_in && has_out && !implied && !is_smooth(arriving, leaving)) continue;
           if (has_in != has_out) {
             const Point own = has_in ? arriving : leaving;
             if (join.is_corner) {
@@ -592,42 +610,57 @@ std::optional<std::vector<Bezier>> ChainFit::rounded(const Point& fraction, int 
             } else {
               Point line = join.rail;
               if (join.has_line) line = has_in ? Point(join.line_end - node) : Point(node - join.line_end);
-              if (std::abs(angle(line, own)) > smooth_angle) continue;
+              if (!is_smooth(line, own)) continue;
             }
           }
           const Point dn = node - join.place;
           const Point da = has_in ? Point(a - in) : Point::Zero();
           const Point db = has_out ? Point(b - out) : Point::Zero();
-          const auto square = [](double x) { return x * x; };
-          const double rank = square(dn.dot(normal)) + 0.4 * square(da.dot(normal)) + 0.4 * square(db.dot(normal)) +
-                              0.05 * (dn.squaredNorm() + da.squaredNorm() + db.squaredNorm());
+          const double rank = square(dn.dot(normal)) + 0.05 * dn.squaredNorm() + handle_rank(da) + handle_rank(db);
           list.push_back({node, a, b, rank});
         }
       }
     }
     if (list.empty()) return std::nullopt;
-    std::stable_sort(list.begin(), list.end(), [](const State& a, const State& b) { return a.rank < b.rank; });
-    if (list.size() > most_states) list.resize(most_states);
+    // The best of them, in order; of equals those found first.
+    const std::size_t count_kept = std::min(list.size(), most_states);
+    std::vector<std::pair<double, std::size_t>> order(list.size());
+    for (std::size_t i = 0; i < list.size(); ++i) order[i] = {list[i].rank, i};
+    std::partial_sort(order.begin(), order.begin() + static_cast<std::ptrdiff_t>(count_kept), order.end());
+    std::vector<State> kept;
+    kept.reserve(count_kept);
+    for (std::size_t i = 0; i < count_kept; ++i) kept.push_back(list[order[i].second]);
+    list = std::move(kept);
   }
 
-  // The linearised distance of every sample, as a sum of what the states at both ends of its piece do.
-  std::vector<std::vector<const Foot*>> below(at(k));
+  // The linearised distance of every sample, as a sum of what the states at both ends of its piece do. Of a quadratic
+  // both ends give the one handle: it counts at the start.
+  struct Share {
+    double residual;
+    std::array<Point, 2> node;  // how far the sample goes with the node at the start, at the end
+    std::array<Point, 2> handle;
+  };
+  std::vector<std::vector<Share>> below(at(k));
   for (const Foot& foot : feet_) {
-    if (foot.is_active) below[at(foot.piece)].push_back(&foot);
+    if (!foot.is_active) continue;
+    const auto weight = bernstein(cubic ? 3 : 2, foot.u);
+    const Point& n = foot.normal;
+    if (cubic) {
+      below[at(foot.piece)].push_back({foot.residual, {weight[0] * n, weight[3] * n}, {weight[1] * n, weight[2] * n}});
+    } else {
+      below[at(foot.piece)].push_back(
+          {foot.residual, {weight[0] * n, weight[2] * n}, {weight[1] * n, Point(0.0, 0.0)}});
+    }
   }
   const auto shares = [&](int piece, const State& state, bool is_start) {
-    std::vector<double> moved;
-    moved.reserve(below[at(piece)].size());
     const Bezier& b = pieces[at(piece)];
     const Point node = state.node - (is_start ? b.start() : b.end());
-    // Of a quadratic both ends give the one handle: it counts at the start.
-    const Point handle = is_start ? Point(state.out - b.p[1]) : cubic ? Point(state.in - b.p[2]) : Point::Zero();
-    for (const Foot* foot : below[at(piece)]) {
-      const auto weight = bernstein(b.degree, foot->u);
-      const double at_node = is_start ? weight[0] : weight[at(b.degree)];
-      const double at_handle = is_start ? weight[1] : weight[2];
-      moved.push_back((at_node * node + (cubic || is_start ? at_handle : 0.0) * handle).dot(foot->normal) +
-                      (is_start ? foot->residual : 0.0));
+    const Point handle = is_start ? Point(state.out - b.p[1]) : Point(state.in - b.p[cubic ? 2 : 1]);
+    const std::size_t end = is_start ? 0 : 1;
+    std::vector<double> moved;
+    moved.reserve(below[at(piece)].size());
+    for (const Share& share : below[at(piece)]) {
+      moved.push_back(share.node[end].dot(node) + share.handle[end].dot(handle) + (is_start ? share.residual : 0.0));
     }
     return moved;
   };
@@ -651,16 +684,16 @@ std::optional<std::vector<Bezier>> ChainFit::rounded(const Point& fraction, int 
       for (std::size_t b = 0; b < to.size(); ++b) {
         if (!cubic && from[a].out != to[b].in) continue;
         double worst = 0.0;
-        for (std::size_t m = 0; m < starts[a].size(); ++m) worst = std::max(worst, std::abs(starts[a][m] + ends[b][m]));
+        for (std::size_t m = 0; m < starts[a].size() && worst <= most_distance; ++m)
+          worst = std::max(worst, std::abs(starts[a][m] + ends[b][m]));
+        if (worst > most_distance) continue;
         table[a][b] = worst;
       }
     }
   }
-  // The best path of those that are better than a limit.
-  const auto run = [&](std::optional<std::size_t> start, double limit) {
-    std::vector<double> worst(states[0].size(), start ? never : 0.0);
-    if (start) worst[*start] = 0.0;
-    std::vector<std::vector<int>> came(at(k));
+  // For every last state the least largest distance of a path to it, below a limit, and where it came from.
+  std::vector<std::vector<int>> came(at(k));
+  const auto sweep = [&](std::vector<double> worst, double limit) {
     for (int i = 0; i < k; ++i) {
       const auto& table = cost[at(i)];
       std::vector<double> next(states[at(chain_.next(i))].size(), limit);
@@ -677,12 +710,11 @@ std::optional<std::vector<Bezier>> ChainFit::rounded(const Point& fraction, int 
       }
       worst = std::move(next);
     }
-    const std::size_t last =
-        start ? *start : static_cast<std::size_t>(std::min_element(worst.begin(), worst.end()) - worst.begin());
-    Path path{worst[last], {}};
-    if (came.back()[last] < 0) return Path{};
+    return worst;
+  };
+  const auto path_to = [&](std::size_t last, double worst) {
+    Path path{worst, std::vector<int>(at(k + 1), 0)};
     int state = static_cast<int>(last);
-    path.choice.assign(at(k + 1), 0);
     for (int i = k; i > 0; --i) {
       path.choice[at(i)] = state;
       state = came[at(i - 1)][at(state)];
@@ -690,14 +722,23 @@ std::optional<std::vector<Bezier>> ChainFit::rounded(const Point& fraction, int 
     path.choice[0] = state;
     return path;
   };
+  const std::vector<double> least = sweep(std::vector<double>(states[0].size(), 0.0), never);
   Path best;
   if (chain_.is_closed) {
-    for (std::size_t s = 0; s < states[0].size(); ++s) {
-      Path path = run(s, best.worst);
-      if (path.worst < best.worst) best = std::move(path);
+    // A path that returns to its start is no better than one to there from anywhere.
+    std::vector<std::size_t> order(states[0].size());
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return least[a] < least[b]; });
+    for (const std::size_t s : order) {
+      if (least[s] >= best.worst) break;
+      std::vector<double> from(states[0].size(), never);
+      from[s] = 0.0;
+      const double worst = sweep(std::move(from), best.worst)[s];
+      if (worst < best.worst) best = path_to(s, worst);
     }
   } else {
-    best = run(std::nullopt, never);
+    const auto last = std::min_element(least.begin(), least.end());
+    if (*last < never) best = path_to(static_cast<std::size_t>(last - least.begin()), *last);
   }
   if (best.worst == never) return std::nullopt;
   std::vector<Bezier> result;

@@ -27,6 +27,7 @@ struct Join {
   bool slides = false;            ///< along `rail`: one
   bool turns = false;             ///< its tangent: one
   bool is_first = false;          ///< the contour's first node
+  bool is_cut = false;            ///< an end that others go on from: what lies beyond is none of this chain's
   bool is_corner = false;         ///< an end of the chain that is no smooth continuation of a line
   Point rail = Point::Zero();
   Point home = Point::Zero();  ///< where it is on the source
@@ -87,9 +88,11 @@ class ChainFit {
   const Chain& chain() const { return chain_; }
   long work() const { return work_; }
 
-  /// The chain on whole numbers: coordinates that differ from one by `fraction`. Of the neighbouring ones, `reach`
-  /// times farther, those that by the linearised distance are best; nothing if no such keep its joins smooth.
-  std::optional<std::vector<Bezier>> rounded(const Point& fraction, int reach, std::size_t most_states) const;
+  /// The chain on whole numbers: coordinates that differ from one by `fraction`. Of the neighbouring ones, handles up
+  /// to `reach` farther, those whose linearised distance is least; nothing if it is more than `most_distance`, or no
+  /// such keep joins smooth.
+  std::optional<std::vector<Bezier>> rounded(const Point& fraction, double most_distance, int reach,
+                                             std::size_t most_states) const;
 
  private:
   struct Foot {
