@@ -1270,6 +1270,7 @@ CompactFit ContourFit::run() {
   int first = 0;
   for (int from = begin; from < begin + count(); ++from) {
     const auto& pieces = fitted_[at(from % count())];
+    if (pieces.empty()) continue;  // within a stretch that began before
     const int own = element(from).is_first ? 0 : first_piece_[at(from % count())];
     if (own >= 0) first = static_cast<int>(out.size()) + own;
     out.insert(out.end(), pieces.begin(), pieces.end());
