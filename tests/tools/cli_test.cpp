@@ -510,6 +510,30 @@ TEST_CASE("a proof is a picture of the kind its name says", "[cli]") {
   CHECK(folder.files() == std::vector<std::string>{"p.pdf", "p.png", "p.svg"});
 }
 
+TEST_CASE("simplify writes the font with fewer segments, and a report of every glyph", "[cli]") {
+  const Folder folder;
+  REQUIRE(
+      glyphwave({"simplify", serif, "-o", folder / "s.ttf", "--glyphs", "a,o", "--report", folder / "r.json"}).status ==
+      0);
+  const json report = json::parse(contents(folder / "r.json"));
+  CHECK(report["changed"] == 2);
+  CHECK(report["refused"] == 0);
+  CHECK(report["segments_after"] < report["segments_before"]);
+  CHECK(report["glyphs"][0]["deviation"] <= 2.048);
+  CHECK(glyphwave({"check", folder / "s.ttf", "--glyphs", "a,o"}).status == 0);
+  const Run shown = glyphwave({"simplify", serif, "-o", folder / "s.ttf", "--glyphs", "a,o", "--json"});
+  CHECK(json::parse(shown.out) == report);
+  REQUIRE(glyphwave({"simplify", serif, "-o", folder / "same.ttf", "--tolerance", "0"}).status == 0);
+  CHECK(contents(folder / "same.ttf") == contents(serif));
+  REQUIRE(glyphwave({"simplify", serif, "-o", folder / "c.otf", "--curve", "cubic", "--glyphs", "a"}).status == 0);
+  CHECK(contents(folder / "c.otf").starts_with("OTTO"));
+  check_refusal(glyphwave({"simplify", serif, "-o", folder / "c.ttf", "--curve", "cubic"}), {"c.ttf", ".otf"});
+  check_refusal(glyphwave({"simplify", serif, "-o", folder / "c.otf"}), {"c.otf", ".ttf"});
+  check_refusal(glyphwave({"simplify", serif, "-o", folder / "c.ttf", "--extrema", "some"}), {"--extrema", "keep"});
+  check_refusal(glyphwave({"simplify", serif, "-o", folder / "c.ttf", "--tolerance", "-1"}), {"--tolerance"});
+  check_refusal(glyphwave({"simplify", serif}), {"--output"});
+}
+
 TEST_CASE("standard output that cannot be written is an error", "[cli]") {
   const Run run = glyphwave({"inspect", serif, "--glyphs", "a"}, "/dev/full");
   CHECK(run.status == 2);

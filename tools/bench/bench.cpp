@@ -1,5 +1,5 @@
 // Time per curve of the wavelet filters, 2-D doubles, beside one memcpy of the same data; of one move of a drag; and
-// per glyph of the crossing check and of the ink, over the bundled fonts and any others named.
+// per glyph of the crossing check, the ink and the compact fit, over the bundled fonts and any others named.
 //
 //     glyphwave_bench [--benchmark_filter=find_crossings ...] [FONT ...]
 //
@@ -22,6 +22,7 @@
 #include <string>
 #include <vector>
 
+#include "fontcore/compact.h"
 #include "fontcore/crossing.h"
 #include "fontcore/drag.h"
 #include "fontcore/error.h"
@@ -220,6 +221,33 @@ void register_fonts(std::vector<std::string> fonts) {
 void drag_sizes(benchmark::internal::Benchmark* bench) { bench->RangeMultiplier(2)->Range(64, 4096); }
 void sizes(benchmark::internal::Benchmark* bench) { bench->RangeMultiplier(2)->Range(fewest_points, most_points); }
 
+// a-z A-Z 0-9 at 1/1000 em as cubics: seconds a glyph, and segments in sum.
+void fit_font(benchmark::State& state, const std::string& name, fontcore::Extrema extrema) {
+  const glyphs::Font font = glyphs::load_font(std::string(GLYPHWAVE_SOURCE_DIR) + "/fonts/" + name);
+  fontcore::CompactOptions options;
+  options.tolerance = font.units_per_em / 1000.0;
+  options.units_per_em = font.units_per_em;
+  options.extrema = extrema;
+  std::vector<fontcore::BezierContour> contours;
+  int letters = 0;
+  for (char32_t c = U'0'; c <= U'z'; ++c) {
+    const bool is_meant = c <= U'9' || (c >= U'A' && c <= U'Z') || c >= U'a';
+    const auto found = font.character_map.find(c);
+    if (!is_meant || found == font.character_map.end()) continue;
+    const auto own = glyphs::compose(font, found->second);
+    contours.insert(contours.end(), own.begin(), own.end());
+    ++letters;
+  }
+  int segments = 0;
+  for (auto _ : state) {
+    segments = 0;
+    for (const auto& contour : contours) segments += fit_compact(contour, options).contour.segment_count();
+  }
+  state.counters["glyph"] =
+      benchmark::Counter(letters, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+  state.counters["segments"] = segments;
+}
+
 BENCHMARK(copy)->Name("memcpy")->Apply(sizes);
 BENCHMARK(chaikin_analyze)->Apply(sizes);
 BENCHMARK(chaikin_synthesize)->Apply(sizes);
@@ -239,6 +267,31 @@ BENCHMARK_CAPTURE(synthesize, held, Scheme::HeldCubic)->Name("held_cubic_synthes
 BENCHMARK_CAPTURE(drag, area, false)->Name("drag")->Apply(drag_sizes);
 BENCHMARK_CAPTURE(drag, length, true)->Name("drag_length")->Apply(drag_sizes);
 BENCHMARK(drag_begin)->Apply(drag_sizes);
+BENCHMARK_CAPTURE(fit_font, cabin, "cabin/Cabin-Regular.otf", fontcore::Extrema::Keep)
+    ->Name("fit_compact/Cabin-Regular")
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(fit_font, cabin_free, "cabin/Cabin-Regular.otf", fontcore::Extrema::Free)
+    ->Name("fit_compact/Cabin-Regular/free")
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(fit_font, eb_garamond, "eb-garamond/EBGaramond12-Regular.otf", fontcore::Extrema::Keep)
+    ->Name("fit_compact/EBGaramond12-Regular")
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(fit_font, eb_garamond_free, "eb-garamond/EBGaramond12-Regular.otf", fontcore::Extrema::Free)
+    ->Name("fit_compact/EBGaramond12-Regular/free")
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(fit_font, liberation_serif, "liberation-serif/LiberationSerif-Regular.ttf", fontcore::Extrema::Keep)
+    ->Name("fit_compact/LiberationSerif-Regular")
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(fit_font, liberation_serif_free, "liberation-serif/LiberationSerif-Regular.ttf",
+                  fontcore::Extrema::Free)
+    ->Name("fit_compact/LiberationSerif-Regular/free")
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(fit_font, open_sans, "open-sans/OpenSans-Regular.ttf", fontcore::Extrema::Keep)
+    ->Name("fit_compact/OpenSans-Regular")
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(fit_font, open_sans_free, "open-sans/OpenSans-Regular.ttf", fontcore::Extrema::Free)
+    ->Name("fit_compact/OpenSans-Regular/free")
+    ->Unit(benchmark::kMillisecond);
 
 }  // namespace
 
