@@ -524,4 +524,129 @@ void ArcwiseCurve::refine(int arc, double from, double to, int more) {
   at.curve.refine(at.parameter(from), at.parameter(to), at.curve.base().levels() + more);
 }
 
+namespace {
+
+// The polynomial of one span of a level.
+Bezier span_curve(Scheme scheme, const Coefficients& points, Eigen::Index span) {
+  const double from = static_cast<double>(span) - (is_closed(scheme) ? 0.5 : 0.0);
+  const auto at = [&](double u) { return Point(evaluate(scheme, points, from + u).transpose()); };
+  Bezier b;
+  b.degree = degree(scheme);
+  b.p[0] = at(0.0);
+  if (b.degree == 2) {
+    b.p[2] = at(1.0);
+    b.p[1] = 2.0 * at(0.5) - 0.5 * (b.p[0] + b.p[2]);
+  } else {  // through its values at thirds
+    const Point f1 = at(1.0 / 3.0);
+    const Point f2 = at(2.0 / 3.0);
+    b.p[3] = at(1.0);
+    b.p[1] = (-5.0 * b.p[0] + 18.0 * f1 - 9.0 * f2 + 2.0 * b.p[3]) / 6.0;
+    b.p[2] = (2.0 * b.p[0] - 9.0 * f1 + 18.0 * f2 - 5.0 * b.p[3]) / 6.0;
+  }
+  return b;
+}
+
+// Two polynomials of one degree differ nowhere by more.
+double coefficient_distance(const Bezier& a, const Bezier& b) {
+  double largest = 0.0;
+  for (std::size_t k = 0; k <= static_cast<std::size_t>(a.degree); ++k)
+    largest = std::max(largest, (a.p[k] - b.p[k]).norm());
+  return largest;
+}
+
+class Compressor {
+ public:
+  Compressor(const MultiresCurve& curve, double tolerance) : tolerance_(tolerance) {
+    const Scheme scheme = curve.scheme;
+    Coefficients points = curve.coarse;
+    for (int level = 0;; ++level) {
+      const Eigen::Index spans = detail_count(scheme, points.rows());
+      auto& own = spans_.emplace_back();
+      for (Eigen::Index i = 0; i < spans; ++i) own.push_back(span_curve(scheme, points, i));
+      if (level == curve.levels()) break;
+      points = synthesize(scheme, points, curve.details[static_cast<std::size_t>(level)]);
+    }
+    // Of a closed curve the halves of span i are 2i - 1 and 2i: coarse piece i over [i - 1/2, i + 1/2], t' = 2t - 1/2.
+    shift_ = is_closed(scheme) ? 1 : 0;
+    is_closed_ = is_closed(scheme);
+    is_split_.resize(spans_.size());
+    for (std::size_t level = 0; level < spans_.size(); ++level) is_split_[level].assign(spans_[level].size(), false);
+  }
+
+  CompressedCurve run() {
+    for (;;) {
+      std::vector<Place> places;
+      for (std::size_t i = 0; i < spans_[0].size(); ++i) choose({0, static_cast<long>(i)}, places);
+      CompressedCurve result;
+      for (const Place& place : places) {
+        result.pieces.push_back(span(place));
+        result.levels.push_back(static_cast<int>(place.level));
+      }
+      const std::size_t count = places.size();
+      for (std::size_t i = is_closed_ ? 0 : 1; i < count; ++i) {
+        Bezier& before = result.pieces[i == 0 ? count - 1 : i - 1];
+        Bezier& after = result.pieces[i];
+        Point& end = before.p[static_cast<std::size_t>(before.degree)];
+        end = after.p[0] = 0.5 * (end + after.p[0]);
+      }
+      // Where the ends' going to the middle takes a piece too far, it is split after all.
+      bool is_within = true;
+      for (std::size_t i = 0; i < count; ++i) {
+        const double bound = distance(result.pieces[i], places[i]);
+        result.bound = std::max(result.bound, bound);
+        if (bound <= tolerance_ || places[i].level + 1 == spans_.size()) continue;
+        is_split_[places[i].level][static_cast<std::size_t>(places[i].index)] = true;
+        is_within = false;
+      }
+      if (is_within) return result;
+    }
+  }
+
+ private:
+  struct Place {
+    std::size_t level;
+    long index;
+  };
+
+  const Bezier& span(const Place& place) const { return spans_[place.level][static_cast<std::size_t>(place.index)]; }
+  std::array<Place, 2> halves(const Place& place) const {
+    const std::size_t level = place.level + 1;
+    const long count = static_cast<long>(spans_[level].size());
+    return {Place{level, (2 * place.index - shift_ + count) % count}, Place{level, 2 * place.index + 1 - shift_}};
+  }
+
+  // How far a polynomial over a span is from the finest level, at most.
+  double distance(const Bezier& b, const Place& place) const {
+    if (place.level + 1 == spans_.size()) return coefficient_distance(b, span(place));
+    const auto half = split(b, 0.5);
+    const auto below = halves(place);
+    return std::max(distance(half[0], below[0]), distance(half[1], below[1]));
+  }
+
+  void choose(const Place& place, std::vector<Place>& to) const {
+    const bool is_finest = place.level + 1 == spans_.size();
+    const bool is_split = is_split_[place.level][static_cast<std::size_t>(place.index)];
+    if (is_finest || (!is_split && distance(span(place), place) <= tolerance_)) {
+      to.push_back(place);
+      return;
+    }
+    for (const Place& half : halves(place)) choose(half, to);
+  }
+
+  double tolerance_;
+  std::vector<std::vector<Bezier>> spans_;  // per level
+  std::vector<std::vector<bool>> is_split_;
+  long shift_ = 0;
+  bool is_closed_ = false;
+};
+
+}  // namespace
+
+CompressedCurve compress(const MultiresCurve& curve, double tolerance) {
+  if (!(tolerance >= 0.0)) throw InvalidInput(text("compress: the tolerance is ", tolerance));
+  if (curve.coarse.cols() != 2)
+    throw InvalidInput(text("compress: the curve has ", static_cast<long>(curve.coarse.cols()), " columns, not 2"));
+  return Compressor(curve, tolerance).run();
+}
+
 }  // namespace fontcore

@@ -71,6 +71,27 @@ class SparseCurve {
   std::vector<std::vector<Run>> finer_;  // per level beyond the base
 };
 
+/// A curve as pieces of its levels, coarse where that will do, each a polynomial of its own; ends meet.
+struct CompressedCurve {
+  std::vector<Bezier> pieces;
+  std::vector<int> levels;  ///< of every piece: the level it is a span of
+  double bound = 0.0;       ///< proved: no point of a piece is farther from the curve's point at the same parameter
+};
+
+/// The spans of differing levels that stay within `tolerance` of the finest level, in the largest norm: for drawing at
+/// a device's resolution, where continuity of tangents is of no use.
+///
+/// From the whole curve down, the coarsest span that is within. The bound is proved by the coefficients: two
+/// polynomials differ by no more than their Bernstein coefficients do. It is taken against the finest level itself,
+/// where [FS94] adds the bounds of all levels between: never larger. Where neighbours of two levels leave a gap both
+/// ends go to its middle; the bound is that of the pieces after this, and what is beyond it then is split after all.
+///
+/// Shape   two columns.
+/// Exact   bound <= tolerance to rounding, and proved.
+/// Throws  InvalidInput if the tolerance is negative or no number, or the curve is not in the plane.
+/// Source  [FS94] scan conversion and curve compression: DrawSeg, ErrBound.
+CompressedCurve compress(const MultiresCurve& curve, double tolerance);
+
 /// Whether corners cut an outline into arcs that are curves of their own, or the whole contour is one curve across
 /// them.
 enum class Corners { Keep, Round };

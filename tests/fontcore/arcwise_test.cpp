@@ -275,3 +275,49 @@ TEST_CASE("with corners rounded a contour is one closed arc across them", "[arcw
     CHECK(std::max(x, y) == Approx(300.0));  // on the square
   }
 }
+
+TEST_CASE("a compressed curve stays within its proved bound, with fewer pieces the more it may differ", "[arcwise]") {
+  for (const Scheme scheme :
+       {Scheme::Chaikin, Scheme::Orthogonal, Scheme::EndpointQuadratic, Scheme::EndpointCubic, Scheme::HeldCubic}) {
+    const Eigen::Index size = 128 + (is_closed(scheme) ? 0 : degree(scheme));
+    Coefficients fine(size, 2);
+    for (Eigen::Index i = 0; i < size; ++i) {
+      const double a = 6.283185307179586 * static_cast<double>(i) / static_cast<double>(size);
+      // Smooth on one half, finely waved on the other.
+      fine.row(i) << 500.0 * std::cos(a) + (i > size / 2 ? 4.0 * std::cos(40.0 * a) : 0.0), 300.0 * std::sin(a);
+    }
+    const MultiresCurve curve = decompose(scheme, fine, 5);
+    std::size_t fewest = 129;
+    for (const double tolerance : {0.01, 0.3, 2.0, 8.0, 40.0}) {
+      const CompressedCurve compressed = compress(curve, tolerance);
+      CHECK(compressed.bound <= tolerance * (1.0 + 1e-12));
+      CHECK(compressed.pieces.size() <= fewest);
+      fewest = compressed.pieces.size();
+      double from = finer_parameter(scheme, is_closed(scheme) ? -0.5 : 0.0, 5);
+      double farthest = 0.0;
+      for (std::size_t k = 0; k < compressed.pieces.size(); ++k) {
+        const Bezier& piece = compressed.pieces[k];
+        const double spans = std::ldexp(1.0, 5 - compressed.levels[k]);
+        for (int i = 0; i <= 32; ++i) {
+          const double t = from + spans * i / 32.0;
+          const Point there = evaluate(scheme, fine, t).transpose();
+          farthest = std::max(farthest, (evaluate(piece, i / 32.0) - there).norm());
+        }
+        from += spans;
+        if (k > 0) CHECK(piece.start() == compressed.pieces[k - 1].end());
+      }
+      CHECK(farthest <= compressed.bound + 1e-9);
+      if (is_closed(scheme)) CHECK(compressed.pieces.front().start() == compressed.pieces.back().end());
+    }
+    CHECK(fewest < 32);
+  }
+}
+
+TEST_CASE("of a curve without detail the coarsest spans are left", "[arcwise]") {
+  Coefficients coarse(7, 2);
+  coarse << 0, 0, 50, 80, 120, 90, 200, -40, 260, 10, 330, 60, 400, 0;
+  MultiresCurve curve{coarse, {}, Scheme::EndpointCubic};
+  for (int level = 0; level < 4; ++level) curve.details.push_back(Coefficients::Zero(4 << level, 2));
+  CHECK(compress(curve, 1e-9).pieces.size() == 4);
+  CHECK_THROWS_AS(compress(curve, -1.0), InvalidInput);
+}
