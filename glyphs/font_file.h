@@ -56,7 +56,7 @@ FileKind file_kind(const std::string& path);
 /// The kind that an edited font is written as: that of its outlines.
 ///
 /// Throws  RequestError if it cannot be written: a variable font, which is edited at one place of its design space
-///         only, or outlines of CFF2.
+///         only, or outlines of CFF2 that do not vary.
 FileKind kind_of(const Font& font);
 
 /// The font with the given glyphs' outlines replaced and nothing else changed, by `write_sfnt` or `write_ufo`.

@@ -4,6 +4,7 @@
 #include <hb-ot.h>
 #include FT_FREETYPE_H
 #include FT_ADVANCES_H
+#include FT_MULTIPLE_MASTERS_H
 
 #include <algorithm>
 #include <array>
@@ -101,7 +102,8 @@ std::vector<BezierContour> read_contours(const FT_Outline& outline, double shift
 /// Draws CFF2 glyphs by HarfBuzz in font units, fractions and all.
 class HarfBuzzReader {
  public:
-  HarfBuzzReader(const Bytes& data, int face_index, int units_per_em) : pen_(hb_draw_funcs_create()) {
+  HarfBuzzReader(const Bytes& data, int face_index, int units_per_em, const std::vector<double>& place)
+      : pen_(hb_draw_funcs_create()) {
     hb_blob_t* blob = hb_blob_create(reinterpret_cast<const char*>(data.data()), static_cast<unsigned>(data.size()),
                                      HB_MEMORY_MODE_READONLY, nullptr, nullptr);
     hb_face_t* face = hb_face_create(blob, static_cast<unsigned>(face_index));
@@ -109,6 +111,9 @@ class HarfBuzzReader {
     font_.reset(hb_font_create(face));
     hb_face_destroy(face);
     hb_font_set_scale(font_.get(), units_per_em, units_per_em);
+    std::vector<int> coordinates;  // 2.14
+    for (const double value : place) coordinates.push_back(static_cast<int>(std::lround(value * 16384.0)));
+    hb_font_set_var_coords_normalized(font_.get(), coordinates.data(), static_cast<unsigned>(coordinates.size()));
     hb_draw_funcs_set_move_to_func(
         pen_.get(),
         [](hb_draw_funcs_t*, void* reader, hb_draw_state_t*, float x, float y, void*) {
@@ -157,13 +162,13 @@ class HarfBuzzReader {
     kinds_.push_back(kind);
     has_fractions_ = has_fractions_ || x != std::trunc(x) || y != std::trunc(y);
   }
-  /// A contour ends where it began: the start point is not listed twice.
+  /// A contour ends where it began: the start point is not listed twice. Single points are left out.
   void close() {
     if (points_.size() > 1 && kinds_.back() == PointKind::Node && points_.back() == points_.front()) {
       points_.pop_back();
       kinds_.pop_back();
     }
-    if (!points_.empty()) contours_.emplace_back(to_points(points_), kinds_);
+    if (points_.size() > 1) contours_.emplace_back(to_points(points_), kinds_);
     points_.clear();
     kinds_.clear();
   }
@@ -176,14 +181,14 @@ class HarfBuzzReader {
   bool has_fractions_ = false;
 };
 
-/// True if `exact` is `truncated` with fractions: the same contours, nothing further than a unit away.
-bool is_refinement(const std::vector<BezierContour>& exact, const std::vector<BezierContour>& truncated) {
+/// True if `exact` is `truncated` with fractions: the same contours, nothing further than a unit and `drift` away.
+bool is_refinement(const std::vector<BezierContour>& exact, const std::vector<BezierContour>& truncated, double drift) {
   if (exact.size() != truncated.size()) return false;
   for (std::size_t c = 0; c < exact.size(); ++c) {
     // FreeType drops an end point that truncation laid on the start point.
     if (exact[c].kinds() != truncated[c].kinds()) {
       if (std::abs(exact[c].point_count() - truncated[c].point_count()) > 1) return false;
-    } else if ((exact[c].points() - truncated[c].points()).cwiseAbs().maxCoeff() > 1.0) {
+    } else if ((exact[c].points() - truncated[c].points()).cwiseAbs().maxCoeff() > 1.0 + drift) {
       return false;
     }
   }
@@ -315,12 +320,16 @@ void name_glyphs(Font& font, FT_Face face) {
 
 class Loader {
  public:
-  Loader(Font& font, const sfnt::Directory& directory) : font_(font), basics_(sfnt::read_basics(directory)) {
+  Loader(Font& font, const sfnt::Directory& directory, std::vector<double> place)
+      : font_(font), basics_(sfnt::read_basics(directory)), place_(std::move(place)) {
     font_.is_collection = directory.is_collection;
     font_.is_variable = directory.has(tag("fvar"));
     font_.units_per_em = basics_.units_per_em;
     font_.format = outline_format(directory);
     if (font_.format == OutlineFormat::Cff) cff_ = directory.require(tag("CFF "), 4);
+    if (font_.format == OutlineFormat::Cff2) {
+      sfnt::check_cff2_variations(directory.require(tag("CFF2"), 5), basics_.glyph_count);
+    }
   }
 
   void load() {
@@ -345,6 +354,7 @@ class Loader {
     font_.glyphs.resize(static_cast<std::size_t>(basics_.glyph_count));
     for (int id = 0; id < basics_.glyph_count; ++id) font_.glyphs[static_cast<std::size_t>(id)].id = id;
     name_glyphs(font_, face);
+    go_to_place();
     read_glyphs();
     check_composites(font_);
   }
@@ -373,6 +383,16 @@ class Loader {
     }
   }
 
+  void go_to_place() {
+    if (place_.empty()) return;
+    std::vector<FT_Fixed> coordinates;
+    for (const double value : place_) coordinates.push_back(std::lround(value * 65536.0));
+    const auto count = static_cast<FT_UInt>(coordinates.size());
+    if (const FT_Error error = FT_Set_Var_Blend_Coordinates(face_.get(), count, coordinates.data())) {
+      throw Malformed(text("its variations cannot be read; ", reason(error)));
+    }
+  }
+
   void read_glyphs() {
     for (Glyph& glyph : font_.glyphs) glyph.advance = basics_.metrics.advance(glyph.id);
     if (font_.format == OutlineFormat::Cff) {
@@ -381,7 +401,9 @@ class Loader {
     }
     std::unique_ptr<HarfBuzzReader> harfbuzz;
     const bool is_cff2 = font_.format == OutlineFormat::Cff2;
-    if (is_cff2) harfbuzz = std::make_unique<HarfBuzzReader>(*font_.data, font_.face_index, basics_.units_per_em);
+    if (is_cff2) {
+      harfbuzz = std::make_unique<HarfBuzzReader>(*font_.data, font_.face_index, basics_.units_per_em, place_);
+    }
     for (Glyph& glyph : font_.glyphs) {
       try {
         if (font_.format == OutlineFormat::TrueType) read_truetype(glyph);
@@ -443,8 +465,9 @@ class Loader {
     }
     if (thread_seconds() - start > slow) ++slow_glyphs_;
     glyph.contours = read_contours(slot->outline, 0.0);
-    if (!harfbuzz.read(glyph.id)) return;
-    if (!is_refinement(harfbuzz.contours(), glyph.contours)) {
+    // At a place FreeType may truncate what would be whole but for its own rounding.
+    if (!harfbuzz.read(glyph.id) && place_.empty()) return;
+    if (!is_refinement(harfbuzz.contours(), glyph.contours, place_.empty() ? 0.0 : blend_drift)) {
       throw Malformed("FreeType and HarfBuzz read different outlines");
     }
     glyph.contours = harfbuzz.contours();
@@ -455,9 +478,13 @@ class Loader {
   // an honest glyph takes some microseconds. A font may have a few of those, not thousands.
   static constexpr double slow = 0.02;  // seconds of this thread
   static constexpr int most_slow_glyphs = 16;
+  // FreeType blends in 16.16: what it rounds off comes to an eighth of a unit where a point moves by thousands of
+  // units, or thousands of operands stand before it.
+  static constexpr double blend_drift = 0.125;
 
   Font& font_;
   sfnt::Basics basics_;
+  std::vector<double> place_;  // of a CFF2 font; empty: its default
   sfnt::View cff_;
   Library library_;
   Face face_;
@@ -470,17 +497,29 @@ class Loader {
 
 }  // namespace
 
-Font load_sfnt(const std::string& path, Bytes data, int face_index) {
+namespace {
+
+Font load(const std::string& path, Bytes data, int face_index, const std::vector<double>& place) {
   Font font;
   font.path = path;
   font.face_index = face_index;
   font.data = std::make_shared<const Bytes>(std::move(data));
   try {
-    Loader(font, sfnt::read_directory(*font.data, face_index)).load();
+    Loader(font, sfnt::read_directory(*font.data, face_index), place).load();
   } catch (const Malformed& error) {
     throw FontReadError(text(path, ": ", error.what()));
   }
   return font;
+}
+
+}  // namespace
+
+Font load_sfnt(const std::string& path, Bytes data, int face_index) {
+  return load(path, std::move(data), face_index, {});
+}
+
+Font load_cff2_at(const std::string& path, Bytes data, const std::vector<double>& place) {
+  return load(path, std::move(data), 0, place);
 }
 
 std::vector<std::vector<BezierContour>> read_by_freetype(const Bytes& data, const std::vector<int>& glyphs) {

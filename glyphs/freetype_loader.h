@@ -19,6 +19,14 @@ namespace glyphs {
 ///         file), a required table missing, no such face.
 Font load_sfnt(const std::string& path, Bytes data, int face_index = 0);
 
+/// A CFF2 font with the outlines of a place of its design space, fractions and all; everything else is as at the
+/// default. `place` has a coordinate for every axis, normalised and bent by avar, in multiples of 1/16384.
+///
+/// Outlines come from HarfBuzz, and FreeType has to agree; a glyph for which it does not is in trouble.
+///
+/// Throws  as `load_sfnt`.
+Font load_cff2_at(const std::string& path, Bytes data, const std::vector<double>& place);
+
 /// Outlines of some glyphs of a single font as FreeType reads them, to check another reader by: fractions truncated,
 /// lines of no length left out.
 ///

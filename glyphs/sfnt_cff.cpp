@@ -9,6 +9,7 @@
 #include <sstream>
 #include <unordered_map>
 
+#include "fontcore/measure.h"
 #include "glyphs/jobs.h"
 
 namespace glyphs::sfnt {
@@ -28,6 +29,7 @@ enum DictOperator : int {
   subrs = 19,
   default_width = 20,
   nominal_width = 21,
+  variation_store = 24,  // of CFF2
   charstring_type = 0x0C06,
   font_matrix = 0x0C07,
   ros = 0x0C1E,
@@ -94,7 +96,7 @@ double read_real(View bytes, std::uint64_t& at) {
 
 }  // namespace
 
-CffDict read_dict(View bytes, const char* what) {
+CffDict read_dict(View bytes, const char* what, int last_operator) {
   try {
     CffDict dict;
     CffEntry entry;
@@ -102,7 +104,7 @@ CffDict read_dict(View bytes, const char* what) {
     for (std::uint64_t at = 0; at < bytes.size();) {
       const std::uint64_t from = at;
       const int b = bytes[at++];
-      if (b <= 21) {
+      if (b <= last_operator) {
         entry.op = b == 12 ? 0x0C00 | u8(bytes, at++) : b;
         entry.bytes = bytes.subspan(begin, at - begin);
         dict.push_back(std::move(entry));
@@ -847,6 +849,44 @@ Bytes build_cff(const NewCff& font) {
   append(result, charstring_bytes);
   append(result, own);
   return result;
+}
+
+std::optional<Box> drawn_box(const std::vector<BezierContour>& contours) {
+  fontcore::Box drawn;
+  for (const BezierContour& contour : contours) drawn.add(fontcore::tight_box(contour));
+  if (drawn.is_empty()) return std::nullopt;
+  const auto whole = [](double value) {
+    if (!(value >= std::numeric_limits<std::int16_t>::min() && value <= std::numeric_limits<std::int16_t>::max())) {
+      throw Malformed(text("box coordinate ", value, " does not fit in 16 bits"));
+    }
+    return static_cast<int>(value);
+  };
+  return Box{whole(std::floor(drawn.low.x())), whole(std::floor(drawn.low.y())), whole(std::ceil(drawn.high.x())),
+             whole(std::ceil(drawn.high.y()))};
+}
+
+void check_cff2_variations(View table, int glyph_count) {
+  constexpr std::uint64_t most_regions = 512;  // a blend of one number takes 513 operands then, all there are
+  constexpr std::uint64_t most_steps = 1'000'000'000;
+  const View top = slice(table, u8(table, 2), u16(table, 3));
+  for (const CffEntry& entry : read_dict(top, "Top DICT", last_cff2_operator)) {
+    if (entry.op != variation_store || entry.operands.empty()) continue;
+    const double at = entry.operands.back();
+    if (!(at >= 0.0 && at <= static_cast<double>(table.size()))) {
+      throw Malformed(text("table CFF2: its variation store lies at ", at));
+    }
+    const std::uint64_t store = static_cast<std::uint64_t>(at) + 2;  // behind its length
+    const std::uint64_t axes = u16(table, store + u32(table, store + 2));
+    for (std::uint64_t i = 0; i < u16(table, store + 6); ++i) {
+      const std::uint64_t regions = u16(table, store + u32(table, store + 8 + 4 * i) + 4);
+      if (regions > most_regions) {
+        throw Malformed(text("table CFF2: a list of ", regions, " regions, more than a charstring can blend by"));
+      }
+      if (regions * axes * static_cast<std::uint64_t>(glyph_count) > most_steps) {
+        throw Malformed("table CFF2: its variations take more than a thousand million steps to weigh");
+      }
+    }
+  }
 }
 
 }  // namespace glyphs::sfnt

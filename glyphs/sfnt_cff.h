@@ -86,8 +86,10 @@ using CffDict = std::vector<CffEntry>;
 /// The INDEX at a place of the table; only its first and last offset are looked at.
 /// Throws  Malformed, saying `what` it is.
 CffIndex open_index(View table, std::uint64_t at, const char* what);
+inline constexpr int last_cff_operator = 21;   ///< of one byte
+inline constexpr int last_cff2_operator = 24;  ///< vsindex, blend and vstore come there
 /// Throws  Malformed, saying `what` it is.
-CffDict read_dict(View bytes, const char* what);
+CffDict read_dict(View bytes, const char* what, int last_operator = last_cff_operator);
 
 /// What belongs to the glyphs of one Font DICT, or of the whole font if it is not CID-keyed.
 struct CffFontDict {
@@ -165,5 +167,17 @@ struct NewCff {
 ///
 /// Throws  Malformed, naming the glyph: an outline that no charstring can hold, too many names, lists of other lengths.
 Bytes build_cff(const NewCff& font);
+
+/// The box of the curves, rounded outward, as head and FontBBox of CFF fonts count it; none if nothing is drawn.
+/// Throws  Malformed if it does not fit in 16 bits.
+std::optional<Box> drawn_box(const std::vector<fontcore::BezierContour>& contours);
+
+/// Looks through what a CFF2 table says of variations before a library reads it: libraries weigh every region of a list
+/// for every glyph anew.
+///
+/// Throws  Malformed: a Top DICT or a variation store that leaves the table, more regions in a list than a charstring
+///         has room to blend by (512), over a thousand million steps for all glyphs.
+/// Source  OpenType: CFF2.
+void check_cff2_variations(View table, int glyph_count);
 
 }  // namespace glyphs::sfnt

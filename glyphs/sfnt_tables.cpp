@@ -3,6 +3,7 @@
 #include <bit>
 #include <cstdlib>
 #include <functional>
+#include <string_view>
 
 namespace glyphs::sfnt {
 
@@ -128,6 +129,31 @@ std::vector<unsigned char> encode(const SimpleGlyph& glyph, const Box& box, View
   bytes.insert(bytes.end(), steps_x.begin(), steps_x.end());
   bytes.insert(bytes.end(), steps_y.begin(), steps_y.end());
   return bytes;
+}
+
+std::string postscript_name(const Directory& directory, const std::string& otherwise) {
+  std::string found;
+  if (const TableRecord* table = directory.find(tag("name"))) {
+    try {
+      const std::uint64_t strings = u16(table->bytes, 4);
+      for (std::uint64_t i = 0; i < u16(table->bytes, 2) && found.empty(); ++i) {
+        const std::uint64_t at = 6 + 12 * i;
+        if (u16(table->bytes, at + 6) != 6) continue;
+        const View bytes = slice(table->bytes, strings + u16(table->bytes, at + 10), u16(table->bytes, at + 8));
+        for (const unsigned char c : bytes) {
+          if (c != 0) found += static_cast<char>(c);  // UTF-16 of ASCII is ASCII with noughts
+        }
+      }
+    } catch (const Malformed&) {
+      found.clear();
+    }
+  }
+  if (found.empty()) found = otherwise;
+  std::erase_if(found, [](char c) {
+    return c <= ' ' || c > '~' || std::string_view("[](){}<>/%").find(c) != std::string_view::npos;
+  });
+  constexpr std::size_t longest = 63;
+  return found.empty() ? "Converted" : found.substr(0, longest);
 }
 
 }  // namespace glyphs::sfnt

@@ -172,6 +172,9 @@ std::vector<unsigned char> build(Tag version, const std::vector<TableRecord>& ta
 /// The tables of a directory as they lie in the file.
 std::vector<TableRecord> in_file_order(const Directory& directory);
 
+/// The font's PostScript name: name 6 of table name, else `otherwise`, without what PostScript does not allow.
+std::string postscript_name(const Directory& directory, const std::string& otherwise);
+
 /// `hmtx` with the numbers that say how to read it.
 struct Metrics {
   View hmtx;

@@ -579,19 +579,12 @@ class Writer {
     rebuilt_[tag("CFF ")] = table.rewritten(charstrings, follow_boxes(boxes));
   }
 
-  /// The box of the curves, rounded outward, as head and FontBBox of CFF fonts count it.
   std::optional<Box> drawn_box(int id, const std::vector<BezierContour>& contours) const {
-    fontcore::Box drawn;
-    for (const BezierContour& contour : contours) drawn.add(fontcore::tight_box(contour));
-    if (drawn.is_empty()) return std::nullopt;
-    for (const double value : {drawn.low.x(), drawn.low.y(), drawn.high.x(), drawn.high.y()}) {
-      if (!fits_int16(std::floor(value)) || !fits_int16(std::ceil(value))) {
-        fail(id, text("box coordinate ", value, " does not fit in 16 bits"));
-      }
+    try {
+      return sfnt::drawn_box(contours);
+    } catch (const Malformed& error) {
+      fail(id, error.what());
     }
-    const auto low = [](double value) { return static_cast<int>(std::floor(value)); };
-    const auto high = [](double value) { return static_cast<int>(std::ceil(value)); };
-    return Box{low(drawn.low.x()), low(drawn.low.y()), high(drawn.high.x()), high(drawn.high.y())};
   }
 
   Boxes drawn_boxes() {
@@ -647,7 +640,8 @@ class Writer {
   }
 
   void rebuild_as_cff(const GlyphOutlines& outlines) {
-    sfnt::NewCff made{.name = postscript_name(), .units_per_em = basics_.units_per_em};
+    sfnt::NewCff made{.name = sfnt::postscript_name(directory_, font_.family + "-" + font_.style),
+                      .units_per_em = basics_.units_per_em};
     made.outlines = outlines;
     std::vector<std::optional<Box>> boxes;
     for (const Glyph& glyph : font_.glyphs) {
@@ -729,33 +723,6 @@ class Writer {
       bytes.push_back(static_cast<unsigned char>(name.size()));
       bytes.insert(bytes.end(), name.begin(), name.end());
     }
-  }
-
-  /// Name 6 of table name, without what PostScript does not allow; else family and style.
-  std::string postscript_name() const {
-    std::string found;
-    if (const sfnt::TableRecord* table = directory_.find(tag("name"))) {
-      try {
-        const std::uint64_t strings = sfnt::u16(table->bytes, 4);
-        for (std::uint64_t i = 0; i < sfnt::u16(table->bytes, 2) && found.empty(); ++i) {
-          const std::uint64_t at = 6 + 12 * i;
-          if (sfnt::u16(table->bytes, at + 6) != 6) continue;
-          const View bytes =
-              sfnt::slice(table->bytes, strings + sfnt::u16(table->bytes, at + 10), sfnt::u16(table->bytes, at + 8));
-          for (const unsigned char c : bytes) {
-            if (c != 0) found += static_cast<char>(c);  // UTF-16 of ASCII is ASCII with noughts
-          }
-        }
-      } catch (const Malformed&) {
-        found.clear();
-      }
-    }
-    if (found.empty()) found = font_.family + "-" + font_.style;
-    std::erase_if(found, [](char c) {
-      return c <= ' ' || c > '~' || std::string_view("[](){}<>/%").find(c) != std::string_view::npos;
-    });
-    constexpr std::size_t longest = 63;
-    return found.empty() ? "Converted" : found.substr(0, longest);
   }
 
   Font read_result() const {

@@ -11,6 +11,7 @@
 
 #include "glyphs/error.h"
 #include "glyphs/freetype_loader.h"
+#include "glyphs/sfnt_cff.h"
 #include "glyphs/sfnt_tables.h"
 
 namespace glyphs {
@@ -284,17 +285,20 @@ void infer(const std::vector<Vector>& points, std::size_t first, std::size_t las
   }
 }
 
-// ---- item variations: MVAR, GDEF and what refers to it
+// ---- item variations: HVAR, VVAR, MVAR, GDEF and what refers to it
 
 class VariationStore {
  public:
-  VariationStore(View bytes, const std::vector<double>& place) : bytes_(bytes) {
+  VariationStore(View table, std::uint64_t offset, const std::vector<double>& place, Budget& budget)
+      : bytes_(slice(table, offset, table.size() - std::min<std::uint64_t>(offset, table.size()))), budget_(budget) {
+    const View bytes = bytes_;
     if (u16(bytes, 0) != 1) throw Malformed(text("variation store of format ", u16(bytes, 0)));
     const std::uint64_t regions = u32(bytes, 2);
     const std::uint64_t axes = u16(bytes, regions);
     const std::uint64_t count = u16(bytes, regions + 2);
     if (axes != place.size()) throw Malformed(text("variation store of ", axes, " axes, in fvar ", place.size()));
     const View list = slice(bytes, regions + 4, 6 * axes * count);
+    budget_.spend(axes * count);
     for (std::uint64_t i = 0; i < count; ++i) {
       double scalar = 1.0;
       for (std::uint64_t axis = 0; axis < axes; ++axis) {
@@ -315,6 +319,7 @@ class VariationStore {
     const std::uint64_t wide = words & 0x7FFF;  // deltas of twice the size come first
     const std::uint64_t narrow_size = words & 0x8000 ? 2 : 1;
     if (wide > regions) throw Malformed("variation store: more wide deltas than regions");
+    budget_.spend(1 + regions);
     const std::uint64_t row_size = narrow_size * (regions + wide);
     std::uint64_t at = data + 6 + 2 * regions + inner * row_size;
     double sum = 0.0;
@@ -333,7 +338,46 @@ class VariationStore {
 
  private:
   View bytes_;
+  Budget& budget_;
   std::vector<double> scalars_;
+};
+
+/// What HVAR or VVAR says of the glyphs' metrics.
+class MetricVariations {
+ public:
+  MetricVariations(View table, const std::vector<double>& place, Budget& budget)
+      : table_(table), store_(table, u32(table, 4), place, budget) {
+    if (u16(table, 0) != 1) throw Malformed(text("table of varied metrics of version ", u16(table, 0)));
+  }
+
+  /// Where the header says by which map a metric's variations are found.
+  enum Map : unsigned { advances = 8, top_bearings = 12, vertical_origins = 20 };
+
+  bool has(Map map) const { return u32(table_, map) != 0; }
+
+  /// Without a map advances are found by glyph id, and no other metric varies.
+  double delta(Map which, int glyph) const {
+    const auto by_glyph = static_cast<unsigned>(glyph);
+    const std::uint64_t map = u32(table_, which);
+    if (map == 0) return which == advances ? store_.delta(0, by_glyph) : 0.0;
+    const unsigned format = u8(table_, map);
+    if (format > 1) throw Malformed(text("map of varied metrics of format ", format));
+    const std::uint64_t count = format == 0 ? u16(table_, map + 2) : u32(table_, map + 2);
+    if (count == 0) return store_.delta(0, by_glyph);
+    const unsigned entry = u8(table_, map + 1);
+    const std::uint64_t size = (entry >> 4 & 3) + 1;
+    const unsigned inner_bits = (entry & 0xF) + 1;
+    const std::uint64_t index = std::min<std::uint64_t>(by_glyph, count - 1);
+    unsigned value = 0;
+    for (const unsigned char byte : slice(table_, map + (format == 0 ? 4 : 6) + size * index, size)) {
+      value = value << 8 | byte;
+    }
+    return store_.delta(value >> inner_bits, value & ((1u << inner_bits) - 1));
+  }
+
+ private:
+  View table_;
+  VariationStore store_;
 };
 
 /// Puts what a variation store says into the numbers of GPOS and GDEF, and takes the references to it away.
@@ -623,25 +667,38 @@ class Instancer {
     axes_ = read_axes(fvar->bytes);
     place_ = normalize(axes_, location_, directory_);
     basics_ = sfnt::read_basics(directory_);
-    if (basics_.outlines.loca.empty()) {
-      throw Malformed("is variable, but not TrueType; only those are read at a place of their design space");
+    const bool is_truetype = !basics_.outlines.loca.empty();
+    if (!is_truetype && (directory_.has(tag("CFF ")) || !directory_.has(tag("CFF2")))) {
+      throw Malformed(
+          "is variable, but neither TrueType nor CFF2; only those are read at a place of their design space");
     }
     for (const sfnt::TableRecord& table : directory_.tables) {
       tables_[table.tag] = Bytes(table.bytes.begin(), table.bytes.end());
     }
-    vary_glyphs();
+    open_vertical();
+    if (is_truetype) {
+      vary_glyphs();
+    } else {
+      vary_charstrings();
+    }
     vary_control_values();
     vary_layout();
     vary_metrics();
     put_style();
     for (const Tag gone : {tag("fvar"), tag("gvar"), tag("avar"), tag("cvar"), tag("HVAR"), tag("VVAR"), tag("MVAR"),
-                           tag("DSIG"), tag("hdmx"), tag("LTSH"), tag("VDMX")}) {
+                           tag("CFF2"), tag("DSIG"), tag("hdmx"), tag("LTSH"), tag("VDMX")}) {
       tables_.erase(gone);
     }
-    put_glyphs();
-    box_composites();
-    put_glyphs();
-    put_advances();
+    if (is_truetype) {
+      put_glyphs();
+      box_composites();
+      put_glyphs();
+      put_advances();
+    } else {
+      put_bearings();
+      put_advances();
+      put_charstrings();
+    }
     return {built(), std::move(warnings_)};
   }
 
@@ -655,7 +712,7 @@ class Instancer {
 
   bool has(Tag name) const { return tables_.contains(name); }
 
-  void vary_glyphs() {
+  void open_vertical() {
     const auto count = static_cast<std::size_t>(basics_.glyph_count);
     if (const sfnt::TableRecord* vhea = directory_.find(tag("vhea")); vhea && has(tag("vmtx"))) {
       const std::uint64_t longs = u16(vhea->bytes, 34);
@@ -663,6 +720,15 @@ class Instancer {
       vertical_ =
           sfnt::Metrics{directory_.require(tag("vmtx"), 4 * longs + 2 * (count - longs)), static_cast<int>(longs)};
     }
+    metrics_.resize(count);
+    boxes_.resize(count);
+    is_drawn_.resize(count);
+  }
+
+  // ---- TrueType
+
+  void vary_glyphs() {
+    const auto count = static_cast<std::size_t>(basics_.glyph_count);
     if (const sfnt::TableRecord* table = directory_.find(tag("gvar"))) {
       gvar_ = table->bytes;
       if (u16(gvar_, 0) != 1) throw Malformed(text("table gvar: version ", u16(gvar_, 0)));
@@ -676,7 +742,6 @@ class Instancer {
       shared_.bytes = slice(gvar_, u32(gvar_, 8), 2 * place_.size() * shared_.count);
     }
     glyphs_.resize(count);
-    metrics_.resize(count);
     std::vector<int> unvaried;
     std::string why;
     for (int id = 0; id < basics_.glyph_count; ++id) {
@@ -846,6 +911,155 @@ class Instancer {
     return result;
   }
 
+  // ---- CFF2
+
+  /// Outlines by the loader, in whole numbers; advances by HVAR, vertical metrics by VVAR.
+  void vary_charstrings() {
+    outlines_ = load_cff2_at(path_, outline_tables(), place_);
+    std::vector<int> emptied;
+    std::string why;
+    for (Glyph& glyph : outlines_.glyphs) {
+      const auto k = static_cast<std::size_t>(glyph.id);
+      try {
+        if (!glyph.trouble.empty()) throw Malformed(glyph.trouble);
+        for (fontcore::BezierContour& contour : glyph.contours) contour = rounded(contour);
+        sfnt::encode_charstring(glyph.contours, {}, std::nullopt);
+        const std::optional<Box> box = sfnt::drawn_box(glyph.contours);
+        is_drawn_[k] = box.has_value();
+        boxes_[k] = box.value_or(Box{});
+      } catch (const Malformed& error) {
+        if (emptied.empty()) why = error.what();
+        emptied.push_back(glyph.id);
+        glyph.contours.clear();
+      }
+    }
+    warnings_.push_back("CFF2: its hints and subroutines are gone; the outlines are CFF now");
+    if (!emptied.empty()) {
+      warnings_.push_back(
+          text("CFF2: ", emptied.size(), " glyphs are empty now; the first is gid:", emptied[0], ": ", why));
+    }
+    vary_advances();
+    if (vertical_) vary_heights();
+  }
+
+  /// The font with what outlines and names are read from, and nothing that a library would only spend time on.
+  Bytes outline_tables() const {
+    std::vector<sfnt::TableRecord> needed;
+    for (const sfnt::TableRecord& table : sfnt::in_file_order(directory_)) {
+      for (const Tag name : {tag("CFF2"), tag("OS/2"), tag("cmap"), tag("fvar"), tag("head"), tag("hhea"), tag("hmtx"),
+                             tag("maxp"), tag("name"), tag("post")}) {
+        if (table.tag == name) needed.push_back(table);
+      }
+    }
+    return sfnt::build(directory_.version, needed);
+  }
+
+  static fontcore::BezierContour rounded(const fontcore::BezierContour& contour) {
+    fontcore::Points points = contour.points();
+    for (double& value : points.reshaped()) value = to_int16(value, "coordinate");
+    return {std::move(points), contour.kinds()};
+  }
+
+  std::optional<MetricVariations> metric_variations(Tag name) {
+    const sfnt::TableRecord* table = directory_.find(name);
+    return table ? std::optional<MetricVariations>(std::in_place, table->bytes, place_, budget_) : std::nullopt;
+  }
+
+  static double varied_advance(double old, const std::optional<MetricVariations>& variations, int glyph) {
+    const double delta = variations ? variations->delta(MetricVariations::advances, glyph) : 0.0;
+    return std::clamp(old + round_half_up(delta), 0.0, 65535.0);
+  }
+
+  void vary_advances() {
+    const auto variations = metric_variations(tag("HVAR"));
+    for (int id = 0; id < basics_.glyph_count; ++id) {
+      metrics_[static_cast<std::size_t>(id)].advance = varied_advance(basics_.metrics.advance(id), variations, id);
+    }
+  }
+
+  /// Vertical origins come from VORG; where there is none, from the top side bearings, which may vary too.
+  void vary_heights() {
+    const auto variations = metric_variations(tag("VVAR"));
+    const bool has_origins = directory_.has(tag("VORG"));
+    const bool has_bearings = variations && variations->has(MetricVariations::top_bearings);
+    std::vector<int> origins = has_origins ? read_vertical_origins() : std::vector<int>();
+    std::optional<Font> initial;
+    if (!has_origins && !has_bearings) {
+      initial = load_cff2_at(path_, outline_tables(), std::vector<double>(place_.size()));
+    }
+    for (int id = 0; id < basics_.glyph_count; ++id) {
+      const auto k = static_cast<std::size_t>(id);
+      GlyphMetrics& metrics = metrics_[k];
+      metrics.height = varied_advance(vertical_->advance(id), variations, id);
+      metrics.top = vertical_->bearing(id);
+      if (has_origins) {
+        const double delta = variations ? variations->delta(MetricVariations::vertical_origins, id) : 0.0;
+        origins[k] = to_int16(origins[k] + round_half_up(delta), "vertical origin");
+        if (is_drawn_[k]) metrics.top = origins[k];
+      } else if (has_bearings) {
+        metrics.top += boxes_[k].y_max + round_half_up(variations->delta(MetricVariations::top_bearings, id));
+      } else if (is_drawn_[k]) {
+        metrics.top += sfnt::drawn_box(initial->glyphs[k].contours).value_or(Box{}).y_max;
+      }
+    }
+    if (has_origins && variations && variations->has(MetricVariations::vertical_origins)) {
+      put_vertical_origins(origins);
+    }
+  }
+
+  std::vector<int> read_vertical_origins() const {
+    const View vorg = directory_.require(tag("VORG"), 8);
+    std::vector<int> origins(static_cast<std::size_t>(basics_.glyph_count), i16(vorg, 4));
+    for (std::uint64_t i = 0; i < u16(vorg, 6); ++i) {
+      const std::size_t glyph = u16(vorg, 8 + 4 * i);
+      if (glyph < origins.size()) origins[glyph] = i16(vorg, 10 + 4 * i);
+    }
+    return origins;
+  }
+
+  /// The origin that most glyphs have, and those of the others.
+  void put_vertical_origins(const std::vector<int>& origins) {
+    std::map<int, int> uses;
+    for (const int origin : origins) ++uses[origin];
+    const int usual = std::ranges::max_element(uses, {}, [](const auto& use) { return use.second; })->first;
+    Bytes& vorg = tables_[tag("VORG")];
+    vorg.resize(8);
+    put_u16(vorg, 4, usual);
+    put_u16(vorg, 6, static_cast<int>(origins.size()) - uses[usual]);
+    for (std::size_t i = 0; i < origins.size(); ++i) {
+      if (origins[i] == usual) continue;
+      sfnt::append_u16(vorg, static_cast<int>(i));
+      sfnt::append_u16(vorg, origins[i]);
+    }
+  }
+
+  /// `CFF ` and what goes with it.
+  void put_charstrings() {
+    Bytes& head = tables_[tag("head")];
+    constexpr int bearings_are_x_min = 2;
+    put_u16(head, 16, u16(head, 16) | bearings_are_x_min);
+    put_u16(head, 50, 0);
+    sfnt::NewCff made{.name = sfnt::postscript_name(directory_, outlines_.family + "-" + outlines_.style),
+                      .units_per_em = basics_.units_per_em,
+                      .box = {i16(head, 36), i16(head, 38), i16(head, 40), i16(head, 42)}};
+    for (Glyph& glyph : outlines_.glyphs) {
+      made.names.push_back(glyph.name);
+      made.advances.push_back(static_cast<int>(metrics_[static_cast<std::size_t>(glyph.id)].advance));
+      made.outlines.push_back(std::move(glyph.contours));
+    }
+    tables_[tag("CFF ")] = sfnt::build_cff(made);
+    Bytes& maxp = tables_[tag("maxp")];
+    maxp.resize(6);
+    put_u32(maxp, 0, 0x00005000);
+    if (has(tag("post")) && tables_[tag("post")].size() >= 32) {
+      Bytes& post = tables_[tag("post")];
+      post.resize(32);
+      put_u32(post, 0, 0x00030000);  // without names, which are in `CFF ` now
+    }
+  }
+
+  // ---- what both have
+
   void vary_control_values() {
     const sfnt::TableRecord* cvar = directory_.find(tag("cvar"));
     if (!cvar || !has(tag("cvt "))) return;
@@ -887,7 +1101,7 @@ class Instancer {
     Bytes& gdef = tables_[tag("GDEF")];
     if (u16(gdef, 2) < 3 || gdef.size() < 18 || u32(gdef, 14) == 0) return;
     const Bytes old = gdef;
-    const VariationStore store(View(old).subspan(std::min<std::size_t>(u32(old, 14), old.size())), place_);
+    const VariationStore store(old, u32(old, 14), place_, budget_);
     int lost = 0;
     if (has(tag("GPOS"))) {
       LayoutPatcher patcher(tables_[tag("GPOS")], store, budget_);
@@ -913,8 +1127,7 @@ class Instancer {
     const std::uint64_t store_at = u16(bytes, 10);
     if (count == 0 || store_at == 0) return;
     if (size < 8) throw Malformed(text("table MVAR: records of ", size, " bytes"));
-    const VariationStore store(slice(bytes, store_at, bytes.size() - std::min<std::uint64_t>(store_at, bytes.size())),
-                               place_);
+    const VariationStore store(bytes, store_at, place_, budget_);
     for (std::uint64_t i = 0; i < count; ++i) {
       const View record = slice(bytes, 12 + i * size, 8);
       vary_metric(u32(record, 0), round_half_up(store.delta(u16(record, 4), u16(record, 6))));
@@ -977,7 +1190,7 @@ class Instancer {
     }
   }
 
-  /// glyf, loca, hmtx and vmtx of the glyphs as they are now.
+  /// glyf, loca, boxes, hmtx and vmtx of the glyphs as they are now.
   void put_glyphs() {
     Bytes& glyf = tables_[tag("glyf")];
     glyf.clear();
@@ -998,6 +1211,14 @@ class Instancer {
       }
     }
     put_u16(tables_[tag("head")], 50, is_long ? 1 : 0);
+    for (std::size_t i = 0; i < glyphs_.size(); ++i) {
+      boxes_[i] = glyphs_[i].size() >= 10 ? sfnt::read_box(glyphs_[i]) : Box{};
+    }
+    put_bearings();
+  }
+
+  /// hmtx and vmtx of the glyphs in their boxes.
+  void put_bearings() {
     put_metrics(tag("hmtx"), tag("hhea"), basics_.metrics.long_count, [](const GlyphMetrics& metrics, const Box& box) {
       return std::pair{metrics.advance, box.x_min - metrics.left};
     });
@@ -1007,13 +1228,11 @@ class Instancer {
     });
   }
 
-  Box box_of(std::size_t glyph) const { return glyphs_[glyph].size() >= 10 ? sfnt::read_box(glyphs_[glyph]) : Box{}; }
-
   template <typename Measure>
   void put_metrics(Tag table, Tag header, int old_long_count, const Measure& measure) {
     std::vector<std::pair<int, int>> all;
-    for (std::size_t i = 0; i < glyphs_.size(); ++i) {
-      const auto [advance, bearing] = measure(metrics_[i], box_of(i));
+    for (std::size_t i = 0; i < metrics_.size(); ++i) {
+      const auto [advance, bearing] = measure(metrics_[i], boxes_[i]);
       all.emplace_back(static_cast<int>(advance), to_int16(bearing, "bearing"));
     }
     std::size_t needed = all.size();
@@ -1048,7 +1267,6 @@ class Instancer {
                     {to_int16(low_x + glyph.origin, "box coordinate"), to_int16(low_y, "box coordinate"),
                      to_int16(high_x + glyph.origin, "box coordinate"), to_int16(high_y, "box coordinate")});
     }
-    is_drawn_.resize(glyphs_.size());
     for (const Glyph& glyph : draft.glyphs) {
       is_drawn_[static_cast<std::size_t>(glyph.id)] = draft.has_outline(glyph.id);
     }
@@ -1065,7 +1283,7 @@ class Instancer {
     int old_wide = 0;
     int wide = 0;
     std::array<double, 6> ends{32767, 32767, -32768, 32767, 32767, -32768};  // least bearings, greatest extent
-    for (std::size_t i = 0; i < glyphs_.size(); ++i) {
+    for (std::size_t i = 0; i < metrics_.size(); ++i) {
       const GlyphMetrics& metrics = metrics_[i];
       widest = std::max(widest, metrics.advance);
       tallest = std::max(tallest, metrics.height);
@@ -1075,7 +1293,7 @@ class Instancer {
       if (old_advance > 0) ++old_wide;
       if (metrics.advance > 0) ++wide;
       if (!is_drawn_[i]) continue;
-      const Box box = box_of(i);
+      const Box box = boxes_[i];
       all = all ? Box{std::min(all->x_min, box.x_min), std::min(all->y_min, box.y_min), std::max(all->x_max, box.x_max),
                       std::max(all->y_max, box.y_max)}
                 : box;
@@ -1104,11 +1322,12 @@ class Instancer {
 
   Bytes built() const {
     std::vector<sfnt::TableRecord> tables;
+    const bool is_cff = has(tag("CFF "));
     for (const sfnt::TableRecord& table : sfnt::in_file_order(directory_)) {
-      if (const auto found = tables_.find(table.tag); found != tables_.end())
-        tables.push_back({table.tag, found->second});
+      const Tag name = is_cff && table.tag == tag("CFF2") ? tag("CFF ") : table.tag;
+      if (const auto found = tables_.find(name); found != tables_.end()) tables.push_back({name, found->second});
     }
-    return sfnt::build(directory_.version, tables);
+    return sfnt::build(is_cff ? tag("OTTO") : directory_.version, tables);
   }
 
   const std::string& path_;
@@ -1121,8 +1340,10 @@ class Instancer {
   std::optional<sfnt::Metrics> vertical_;
   View gvar_;
   SharedTuples shared_;
-  std::vector<Bytes> glyphs_;
+  std::vector<Bytes> glyphs_;  // of TrueType
+  Font outlines_;              // of CFF2
   std::vector<GlyphMetrics> metrics_;
+  std::vector<Box> boxes_;
   std::vector<bool> is_drawn_;
   std::vector<std::string> warnings_;
   Budget budget_;

@@ -9,6 +9,7 @@
 #include "tests/glyphs/sfnt_bytes.h"
 #include "tests/glyphs/subset.h"
 #include "tests/glyphs/survive.h"
+#include "tests/glyphs/variable_bytes.h"
 
 namespace {
 
@@ -422,17 +423,18 @@ std::vector<Source> sources(const std::vector<std::string>& paths) {
   return all;
 }
 
-/// Every mutation of every source, `rounds` times.
-void survive_all(const std::vector<Source>& all, const std::vector<Mutation>& mutations, unsigned rounds) {
+/// Every mutation of every source, `rounds` times; variable fonts are read at a place.
+void survive_all(const std::vector<Source>& all, const std::vector<Mutation>& mutations, unsigned rounds,
+                 const glyphs::Location& location = {}) {
   std::map<Survived, int> counts;
   for (const Source& source : all) {
-    REQUIRE(survive(source.file) != Survived::Refused);
+    REQUIRE(survive(source.file, location) != Survived::Refused);
     for (const Mutation& mutation : mutations) {
       for (unsigned seed = 1; seed <= rounds; ++seed) {
         Random random(seed);
         const Bytes bad = mutation.make(source, random);
         INFO(source.name << ": " << mutation.name << ", seed " << seed);
-        ++counts[survive(bad)];
+        ++counts[survive(bad, location)];
       }
     }
   }
@@ -461,6 +463,17 @@ TEST_CASE("a CFF font with lies in any table is refused in a line, or read", "[b
 
 TEST_CASE("many CFF fonts with lies in any table are refused in a line, or read", "[bad][slow]") {
   survive_all(sources(bundled_otf), of_bytes, 12);
+}
+
+TEST_CASE("a variable CFF2 font with lies in any table is refused in a line, or read at a place", "[bad]") {
+  const std::vector<Source> all{{"CFF2", variable_bytes::otto(variable_bytes::cff2_tables())}};
+  survive_all(all, of_bytes, 12, {{"wght", 650}, {"wdth", 80}});
+}
+
+TEST_CASE("many variable fonts with lies in any table are refused in a line, or read at a place", "[bad][slow]") {
+  const std::vector<Source> all{{"CFF2", variable_bytes::otto(variable_bytes::cff2_tables())},
+                                {"gvar", font_of(variable_bytes::variable_tables())}};
+  survive_all(all, of_bytes, 60, {{"wght", 650}});
 }
 
 // ---- what no drawn font asks for

@@ -21,16 +21,16 @@ using sfnt_bytes::put;
 /// five; #ff is the byte itself.
 inline Bytes charstring(const std::string& words) {
   static const std::map<std::string, int> operators{
-      {"hstem", 1},      {"vstem", 3},       {"vmoveto", 4},     {"rlineto", 5},       {"hlineto", 6},
-      {"vlineto", 7},    {"rrcurveto", 8},   {"callsubr", 10},   {"return", 11},       {"endchar", 14},
-      {"hstemhm", 18},   {"hintmask", 19},   {"cntrmask", 20},   {"rmoveto", 21},      {"hmoveto", 22},
-      {"vstemhm", 23},   {"rcurveline", 24}, {"rlinecurve", 25}, {"vvcurveto", 26},    {"hhcurveto", 27},
-      {"callgsubr", 29}, {"vhcurveto", 30},  {"hvcurveto", 31},  {"dotsection", 1200}, {"and", 1203},
-      {"or", 1204},      {"not", 1205},      {"abs", 1209},      {"add", 1210},        {"sub", 1211},
-      {"div", 1212},     {"neg", 1214},      {"eq", 1215},       {"drop", 1218},       {"put", 1220},
-      {"get", 1221},     {"ifelse", 1222},   {"random", 1223},   {"mul", 1224},        {"sqrt", 1226},
-      {"dup", 1227},     {"exch", 1228},     {"index", 1229},    {"roll", 1230},       {"hflex", 1234},
-      {"flex", 1235},    {"hflex1", 1236},   {"flex1", 1237}};
+      {"hstem", 1},         {"vstem", 3},      {"vmoveto", 4},    {"rlineto", 5},     {"hlineto", 6},
+      {"vlineto", 7},       {"rrcurveto", 8},  {"callsubr", 10},  {"return", 11},     {"vsindex", 15},
+      {"blend", 16},        {"endchar", 14},   {"hstemhm", 18},   {"hintmask", 19},   {"cntrmask", 20},
+      {"rmoveto", 21},      {"hmoveto", 22},   {"vstemhm", 23},   {"rcurveline", 24}, {"rlinecurve", 25},
+      {"vvcurveto", 26},    {"hhcurveto", 27}, {"callgsubr", 29}, {"vhcurveto", 30},  {"hvcurveto", 31},
+      {"dotsection", 1200}, {"and", 1203},     {"or", 1204},      {"not", 1205},      {"abs", 1209},
+      {"add", 1210},        {"sub", 1211},     {"div", 1212},     {"neg", 1214},      {"eq", 1215},
+      {"drop", 1218},       {"put", 1220},     {"get", 1221},     {"ifelse", 1222},   {"random", 1223},
+      {"mul", 1224},        {"sqrt", 1226},    {"dup", 1227},     {"exch", 1228},     {"index", 1229},
+      {"roll", 1230},       {"hflex", 1234},   {"flex", 1235},    {"hflex1", 1236},   {"flex1", 1237}};
   Bytes bytes;
   std::istringstream stream(words);
   for (std::string word; stream >> word;) {

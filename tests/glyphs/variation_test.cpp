@@ -7,142 +7,38 @@
 #include "glyphs/restyle.h"
 #include "glyphs/sfnt_writer.h"
 #include "tests/catch.h"
-#include "tests/glyphs/sfnt_bytes.h"
+#include "tests/glyphs/sanitizer.h"
+#include "tests/glyphs/variable_bytes.h"
 
 namespace {
 
-using fontcore::Point;
-using glyphs::Bytes;
 using glyphs::Font;
 using glyphs::FontReadError;
 using glyphs::load_font_bytes;
 using glyphs::Location;
 using glyphs::parse_location;
 using glyphs::RequestError;
-using sfnt_bytes::composite;
-using sfnt_bytes::font_of;
-using sfnt_bytes::get16;
-using sfnt_bytes::put;
-using sfnt_bytes::put16;
-using sfnt_bytes::simple_glyph;
-using sfnt_bytes::small_font;
-using sfnt_bytes::tables_of;
-using Tables = std::map<std::string, Bytes>;
-
-Bytes words(const std::vector<int>& values) {
-  Bytes bytes;
-  for (const int value : values) put16(bytes, value);
-  return bytes;
-}
-Bytes joined(std::initializer_list<Bytes> parts) {
-  Bytes all;
-  for (const Bytes& part : parts) all.insert(all.end(), part.begin(), part.end());
-  return all;
-}
-
-constexpr int one = 0x4000;  // in 2.14
-
-/// Axis wght from 100 over 400 to 900.
-Bytes weight_axis() {
-  Bytes fvar = words({1, 0, 16, 2, 1, 20, 0, 8});
-  fvar.insert(fvar.end(), {'w', 'g', 'h', 't'});
-  for (const int value : {100, 400, 900}) put(fvar, static_cast<std::uint32_t>(value) << 16, 4);
-  put16(fvar, 0);
-  put16(fvar, 256);
-  return fvar;
-}
-
-/// Variations of one glyph: a tuple for heavier, and its points and deltas as packed bytes.
-Bytes tuple(const Bytes& packed) {
-  Bytes bytes = words({1, 10, static_cast<int>(packed.size()), 0xA000, one});
-  bytes.insert(bytes.end(), packed.begin(), packed.end());
-  bytes.resize((bytes.size() + 1) / 2 * 2);
-  return bytes;
-}
-
-Bytes gvar_of(const std::vector<Bytes>& variations) {
-  const int count = static_cast<int>(variations.size());
-  Bytes gvar = words({1, 0, 1, 0});
-  put(gvar, 0, 4);
-  put16(gvar, count);
-  put16(gvar, 0);
-  put(gvar, static_cast<std::uint32_t>(20 + 2 * (count + 1)), 4);
-  Bytes data;
-  for (const Bytes& its : variations) {
-    put16(gvar, static_cast<int>(data.size() / 2));
-    data.insert(data.end(), its.begin(), its.end());
-  }
-  put16(gvar, static_cast<int>(data.size() / 2));
-  return joined({gvar, data});
-}
-
-/// A variation store of one region, heavier, and one delta.
-Bytes store_of(int delta) {
-  Bytes store;
-  put16(store, 1);
-  put(store, 12, 4);
-  put16(store, 1);
-  put(store, 22, 4);
-  return joined({store, words({1, 1, 0, one, one}), words({1, 1, 1, 0, delta})});
-}
-
-constexpr unsigned char low(int value) { return static_cast<unsigned char>(value & 0xFF); }
-
-/// .notdef empty; A a triangle, all points moved; B a square, of which two points move and two follow; C a composite
-/// of both whose second part moves. Kerning of A and B -50, 20 less at the heaviest; the x-height 40 more.
-Tables variable_tables() {
-  const Bytes triangle = simple_glyph({{{0, 0}, {300, 0}, {0, 300}}}, 0x40, {0x4F});
-  const Bytes square = simple_glyph({{{0, 0}, {300, 0}, {300, 300}, {0, 300}}});
-  Tables tables =
-      small_font({{}, triangle, square, composite({{.glyph = 1}, {.glyph = 2, .first = 120, .second = 7}})});
-  tables["fvar"] = weight_axis();
-  tables["gvar"] = gvar_of({
-      tuple({1, 0, 1, 0x00, 30, 0x80}),  // point 1, the advance: wider by 30
-      tuple({0, 6, low(-10), 60, 20, 0, 50, 0, 0, 6, low(-5), low(-7), 45, 0, 0, 0, 0}),
-      tuple({2, 1, 0, 2, 0x01, low(-20), 80, 0x01, low(-8), 31}),
-      tuple({2, 1, 1, 2, 0x01, 33, 70, 0x81}),
-  });
-  tables["cvt "] = words({100, 200});
-  tables["cvar"] = joined({words({1, 0, 1, 14, 5, 0xA000, one}), Bytes{1, 0, 1, 0x00, 44}});
-  Bytes os2(96);
-  sfnt_bytes::set16(os2, 0, 4);
-  sfnt_bytes::set16(os2, 4, 400);
-  sfnt_bytes::set16(os2, 86, 500);
-  tables["OS/2"] = os2;
-  Bytes mvar = words({1, 0, 0, 8, 1, 20});
-  mvar.insert(mvar.end(), {'x', 'h', 'g', 't'});
-  tables["MVAR"] = joined({mvar, words({0, 0}), store_of(40)});
-  Bytes gdef = words({1, 3, 0, 0, 0, 0, 0});
-  put(gdef, 18, 4);
-  tables["GDEF"] = joined({gdef, store_of(-20)});
-  // Pairs of glyph 1 with glyph 2: a value with a number and its variation.
-  const Bytes scripts = joined({words({1}), Bytes{'D', 'F', 'L', 'T'}, words({8}), words({4, 0, 0, 0xFFFF, 1, 0})});
-  const Bytes features = joined({words({1}), Bytes{'k', 'e', 'r', 'n'}, words({8}), words({0, 1, 0})});
-  const Bytes lookups = words({1, 4, 2, 0, 1, 8});
-  const Bytes pairs =
-      words({1, 12, 0x44, 0, 1, 18, 1, 1, 1, /* pair set */ 1, 2, -50, 8, /* variation */ 0, 0, 0x8000});
-  const int scripts_at = 10;
-  const int features_at = scripts_at + static_cast<int>(scripts.size());
-  const int lookups_at = features_at + static_cast<int>(features.size());
-  tables["GPOS"] = joined({words({1, 0, scripts_at, features_at, lookups_at}), scripts, features, lookups, pairs});
-  return tables;
-}
+using namespace variable_bytes;
 
 Bytes variable_font() { return font_of(variable_tables()); }
 
 Font at(const Bytes& data, double weight) { return load_font_bytes("v.ttf", data, {.location = {{"wght", weight}}}); }
 
-/// Points and widths of the variable font itself by HarfBuzz, at a weight.
+/// Points and widths of the variable font itself by HarfBuzz, at a place.
 struct HarfBuzz {
-  HarfBuzz(const Bytes& data, double weight) {
+  HarfBuzz(const Bytes& data, double weight) : HarfBuzz(data, Location{{"wght", weight}}) {}
+  HarfBuzz(const Bytes& data, const Location& location) {
     hb_blob_t* blob = hb_blob_create(reinterpret_cast<const char*>(data.data()), static_cast<unsigned>(data.size()),
                                      HB_MEMORY_MODE_DUPLICATE, nullptr, nullptr);
     hb_face_t* face = hb_face_create(blob, 0);
     hb_blob_destroy(blob);
     font = hb_font_create(face);
     hb_face_destroy(face);
-    const hb_variation_t variation{HB_TAG('w', 'g', 'h', 't'), static_cast<float>(weight)};
-    hb_font_set_variations(font, &variation, 1);
+    std::vector<hb_variation_t> variations;
+    for (const auto& [axis, value] : location) {
+      variations.push_back({hb_tag_from_string(axis.c_str(), -1), static_cast<float>(value)});
+    }
+    hb_font_set_variations(font, variations.data(), static_cast<unsigned>(variations.size()));
   }
   HarfBuzz(const HarfBuzz&) = delete;
   HarfBuzz& operator=(const HarfBuzz&) = delete;
@@ -203,7 +99,7 @@ TEST_CASE("at an end of its axis a font has its deltas whole, half way there hal
   // Points 0 and 2 move; 1 and 3 share a side with each, and follow both.
   CHECK(heavy.glyphs[2].contours[0].points() ==
         (fontcore::Points(4, 2) << -20, -8, 380, -8, 380, 331, -20, 331).finished());
-  CHECK(heavy.glyphs[3].components[1].placement.shift == Point(153, 7));
+  CHECK(heavy.glyphs[3].components[1].placement.shift == fontcore::Point(153, 7));
   CHECK(heavy.glyphs[3].advance == 670);
   const auto tables = tables_of(*heavy.data);
   CHECK(tables.at("cvt ") == words({100, 244}));
@@ -261,7 +157,7 @@ TEST_CASE("an instance is edited like any static font, and a variable font is no
   const Font font = at(data, 900);
   CHECK(glyphs::write_sfnt(font, {}).data == *font.data);
   auto wanted = font.glyphs[1].contours;
-  wanted[0] = transform(wanted[0], {.shift = Point(3, 0)});
+  wanted[0] = transform(wanted[0], {.shift = fontcore::Point(3, 0)});
   const auto written = glyphs::write_sfnt(font, {{1, wanted}});
   CHECK(load_font_bytes("again.ttf", written.data).glyphs[1].contours == wanted);
 }
@@ -320,4 +216,191 @@ TEST_CASE("tables of variations that lie end in one line, or leave the glyph the
   }
   CHECK(read > 0);
   CHECK(refused > 0);
+}
+
+// ---- CFF2
+
+namespace {
+
+Font cff2_at(const Tables& tables, const Location& location) {
+  return load_font_bytes("v.otf", otto(tables), {.location = location});
+}
+
+fontcore::Points rectangle(double left, double bottom, double right, double top) {
+  return (fontcore::Points(4, 2) << left, bottom, right, bottom, right, top, left, top).finished();
+}
+
+const std::string hints_warning = "CFF2: its hints and subroutines are gone; the outlines are CFF now";
+
+}  // namespace
+
+TEST_CASE("a CFF2 font at a place is a CFF font with the blends of the place, in whole numbers", "[variation][cff]") {
+  const Tables tables = cff2_tables();
+  const Font heavy = cff2_at(tables, {{"wght", 900}});
+  CHECK(heavy.format == glyphs::OutlineFormat::Cff);
+  CHECK_FALSE(heavy.is_variable);
+  CHECK_FALSE(heavy.has_fractional_coordinates);
+  CHECK(heavy.warnings == std::vector<std::string>{hints_warning});
+  CHECK(heavy.glyphs[0].contours.empty());
+  CHECK(heavy.glyphs[1].contours[0].points() == (fontcore::Points(3, 2) << -10, -5, 360, -7, 20, 345).finished());
+  CHECK(heavy.glyphs[2].contours[0].points() == rectangle(30, 35, 390, 375));
+  CHECK(cff2_at(tables, {{"wdth", 75}}).glyphs[2].contours[0].points() == rectangle(12, 43, 222, 363));
+  const Font both = cff2_at(tables, {{"wght", 900}, {"wdth", 75}});
+  CHECK(both.glyphs[2].contours[0].points() == rectangle(22, 38, 292, 398));
+  const Font half = cff2_at(tables, {{"wght", 650}});
+  CHECK(half.glyphs[1].contours[0].points() == (fontcore::Points(3, 2) << -5, -2, 330, -3, 10, 323).finished());
+  CHECK(half.glyphs[2].contours[0].points() == rectangle(25, 38, 355, 358));
+  const Font initial = load_font_bytes("v.otf", otto(tables));
+  CHECK(initial.format == glyphs::OutlineFormat::Cff2);
+  const Font light = cff2_at(tables, {{"wght", 100}});  // no region is about lighter weights
+  for (std::size_t k = 0; k < 4; ++k) {
+    CHECK(light.glyphs[k].contours == initial.glyphs[k].contours);
+    if (k > 0) CHECK(light.glyphs[k].name == initial.glyphs[k].name);
+  }
+}
+
+TEST_CASE("metrics of a CFF2 font follow HVAR, MVAR and the outlines of the place", "[variation][cff]") {
+  const Font font = cff2_at(cff2_tables(), {{"wght", 900}, {"wdth", 75}});
+  const std::vector<double> advances{630, 643, 570, 600};
+  for (std::size_t k = 0; k < 4; ++k) CHECK(font.glyphs[k].advance == advances[k]);
+  const Bytes& data = *font.data;
+  CHECK(std::string(data.begin(), data.begin() + 4) == "OTTO");
+  CHECK(checksum(data) == 0xB1B0AFBA);
+  const auto tables = tables_of(data);
+  for (const std::string gone : {"fvar", "CFF2", "HVAR", "MVAR"}) CHECK(tables.count(gone) == 0);
+  CHECK(tables.at("maxp") == Bytes{0, 0, 0x50, 0, 0, 4});
+  CHECK((get16(tables.at("head"), 16) & 2) == 2);  // bearings are xMin
+  CHECK(get16(tables.at("hmtx"), 4 * 1 + 2) == -10);
+  CHECK(get16(tables.at("hmtx"), 4 * 2 + 2) == 22);
+  CHECK(get16(tables.at("hhea"), 10) == 643);
+  CHECK(get16(tables.at("hhea"), 12) == -10);
+  CHECK(get16(tables.at("head"), 36) == -10);
+  CHECK(get16(tables.at("head"), 42) == 398);
+  CHECK(get16(tables.at("OS/2"), 86) == 530);
+  CHECK(get16(tables.at("OS/2"), 4) == 900);
+  CHECK(get16(tables.at("OS/2"), 6) == 3);
+}
+
+TEST_CASE("a CFF2 font's instance has the outlines and widths that HarfBuzz finds in it", "[variation][cff]") {
+  Tables tables = cff2_tables();
+  tables["avar"] = words({1, 0, 0, 2, 4, -one, -one, 0, 0, one / 2, one / 3, one, one, 0});
+  const Bytes data = otto(tables);
+  for (const double weight : {100.0, 400.0, 525.0, 650.0, 777.0, 900.0}) {
+    for (const double width : {75.0, 81.0, 100.0}) {
+      CAPTURE(weight, width);
+      const Location location{{"wght", weight}, {"wdth", width}};
+      const Font font = load_font_bytes("v.otf", data, {.location = location});
+      const HarfBuzz of_variable(data, location);
+      const HarfBuzz of_instance(*font.data, Location{});
+      for (unsigned glyph = 0; glyph < 4; ++glyph) {
+        CHECK(font.glyphs[glyph].advance == of_variable.advance(glyph));
+        CHECK(of_instance.advance(glyph) == of_variable.advance(glyph));
+        if (glyph == 0) continue;
+        const auto wanted = of_variable.extents(glyph);
+        const auto got = of_instance.extents(glyph);
+        CHECK(std::abs(got.x_bearing - wanted.x_bearing) <= 1);
+        CHECK(std::abs(got.y_bearing - wanted.y_bearing) <= 1);
+        CHECK(std::abs(got.width - wanted.width) <= 2);
+        CHECK(std::abs(got.height - wanted.height) <= 2);
+      }
+    }
+  }
+}
+
+TEST_CASE("glyphs find their variations by a map of either format, those behind its end by its last entry",
+          "[variation][cff]") {
+  Tables tables = cff2_tables();
+  const std::vector<std::vector<int>> rows{{11, 0}, {22, 0}, {33, 0}};
+  const auto advances = [&](const std::vector<Bytes>& maps) {
+    tables["HVAR"] = varied_metrics(rows, 20, maps);
+    std::vector<double> list;
+    for (const glyphs::Glyph& glyph : cff2_at(tables, {{"wght", 900}}).glyphs) list.push_back(glyph.advance);
+    return list;
+  };
+  CHECK(advances({}) == std::vector<double>{611, 622, 633, 600});  // no row for glyph 3
+  const Bytes short_map{0, 0x01, 0, 3, 2, 0, 1};                   // entries of a byte, inner numbers of two bits
+  CHECK(advances({short_map}) == std::vector<double>{633, 611, 622, 622});
+  const Bytes long_map{1, 0x13, 0, 0, 0, 4, 0, 1, 0, 1, 0, 2, 0xFF, 0xFF};  // of two, inner ones of four bits
+  CHECK(advances({long_map}) == std::vector<double>{622, 622, 633, 600});
+  tables.erase("HVAR");
+  CHECK(cff2_at(tables, {{"wght", 900}}).glyphs[1].advance == 600);
+}
+
+TEST_CASE("a CFF2 font's vertical metrics follow VVAR from its vertical origins", "[variation][cff]") {
+  Tables tables = cff2_tables();
+  Bytes vhea = tables["hhea"];
+  set16(vhea, 34, 1);
+  tables["vhea"] = vhea;
+  tables["vmtx"] = words({1000, 0, 500, 540, 600});  // heights of 1000; top side bearings
+  const auto tops = [&] {
+    const auto written = tables_of(*cff2_at(tables, {{"wght", 900}, {"wdth", 75}}).data);
+    const std::size_t longs = get(written.at("vhea"), 34, 2);
+    std::vector<int> list;
+    for (std::size_t k = 0; k < 4; ++k) {
+      list.push_back(get16(written.at("vmtx"), k < longs ? 4 * k + 2 : 4 * longs + 2 * (k - longs)));
+    }
+    return list;
+  };
+  // Tops go from 300 to 345 and from 340 to 398; that of C goes from 200 to 290.
+  CHECK(tops() == std::vector<int>{0, 500 - 45, 540 - 58, 600 + 200 - 290});
+  SECTION("by VVAR's rows for top side bearings, where there are some") {
+    const Bytes zero_map{0, 0x01, 0, 1, 0};
+    tables["VVAR"] = varied_metrics({{25, 5}}, 24, {zero_map, zero_map});
+    CHECK(tops() == std::vector<int>{30, 530, 570, 630});
+  }
+  SECTION("from VORG, which moves along") {
+    tables["VORG"] = words({1, 0, 880, 1, 2, 900});
+    CHECK(tops() == std::vector<int>{0, 880 - 345, 900 - 398, 880 - 290});
+    tables["VVAR"] = varied_metrics({{40, -20}, {0, 1}}, 24, {{}, {}, {}, Bytes{0, 0x01, 0, 2, 0, 1}});
+    CHECK(tops() == std::vector<int>{0, 881 - 345, 901 - 398, 881 - 290});
+    const Font font = cff2_at(tables, {{"wght", 900}, {"wdth", 75}});
+    CHECK(tables_of(*font.data).at("VORG") == words({1, 0, 881, 2, 0, 900, 2, 901}));
+    CHECK(get16(tables_of(*font.data).at("vmtx"), 0) == 1020);
+  }
+}
+
+TEST_CASE("an instance of a CFF2 font is restyled to a font that sanitizers take", "[variation][cff]") {
+  const Bytes data = otto(cff2_tables());
+  const glyphs::Recipe recipe = glyphs::parse_recipe(
+      R"({"steps": [{"op": "sweep", "near": [200, 300], "move": [12, 5], "breadth": 300}]})", "r.json");
+  CHECK(message_of<RequestError>([&] { glyphs::restyle(load_font_bytes("v.otf", data), recipe); }) ==
+        "v.otf: is variable, and edited at one place of its design space only: give a --location");
+  for (const double weight : {100.0, 650.0, 900.0}) {
+    const Font font = load_font_bytes("v.otf", data, {.location = {{"wght", weight}}});
+    CHECK(is_accepted_by_sanitizer(*font.data));
+    const auto result = glyphs::restyle(font, recipe);
+    CHECK(result.changed() > 0);
+    CHECK(is_accepted_by_sanitizer(result.font.data));
+  }
+}
+
+TEST_CASE("a charstring that is no program comes out empty at a place, and is named", "[variation][cff]") {
+  Tables tables = cff2_tables();
+  tables["CFF2"] = cff2_table({.charstrings = {{},
+                                               cff_bytes::charstring("10 20 30 2 blend rmoveto"),
+                                               cff_bytes::charstring("0 0 rmoveto 100 hlineto 100 vlineto"),
+                                               cff_bytes::charstring("-107 callsubr")},
+                               .store = variation_store(heavier_and_narrower, {{{0}, {}}})});
+  const Font font = cff2_at(tables, {{"wght", 900}});
+  REQUIRE(font.warnings.size() == 2);
+  CHECK(font.warnings[1].starts_with("CFF2: 2 glyphs are empty now; the first is gid:1: "));
+  CHECK(font.glyphs[1].contours.empty());
+  CHECK(font.glyphs[1].advance == 650);
+  CHECK(font.glyphs[2].contours.size() == 1);
+}
+
+TEST_CASE("variations of CFF2 that would keep a reader busy are refused", "[variation][cff]") {
+  Tables tables = cff2_tables();
+  const auto error = [&](const Location& location) {
+    return message_of<FontReadError>([&] { cff2_at(tables, location); });
+  };
+  tables["CFF2"] = cff2_table({.charstrings = std::vector<Bytes>(4),
+                               .store = variation_store(heavier_and_narrower, {{std::vector<int>(513, 0), {}}})});
+  const std::string too_many = "v.otf: table CFF2: a list of 513 regions, more than a charstring can blend by";
+  CHECK(error({}) == too_many);
+  CHECK(error({{"wght", 900}}) == too_many);
+  tables.erase("CFF2");
+  tables["CFF "] = cff_bytes::table({.charstrings = std::vector<Bytes>(4, cff_bytes::charstring("endchar"))});
+  CHECK(error({{"wght", 900}}) ==
+        "v.otf: is variable, but neither TrueType nor CFF2; only those are read at a place of their design space");
 }
