@@ -1,4 +1,5 @@
-// Writes the fuzzers' first inputs: fonts of a few glyphs out of the bundled ones, and composites made by hand.
+// Writes the fuzzers' first inputs: fonts of a few glyphs out of the bundled ones, composites and variable fonts made
+// by hand.
 
 #include <cstdio>
 #include <filesystem>
@@ -7,6 +8,7 @@
 #include "tests/bundled_fonts.h"
 #include "tests/glyphs/sfnt_bytes.h"
 #include "tests/glyphs/subset.h"
+#include "tests/glyphs/variable_bytes.h"
 #include "tools/fuzz/small_ufo.h"
 
 namespace {
@@ -51,6 +53,8 @@ int main(int count, char** arguments) {
     }
   }
   write("sfnt", "composites.ttf", composites());
+  write("sfnt", "variable.ttf", font_of(variable_bytes::variable_tables()));
+  write("sfnt", "variable.otf", variable_bytes::otto(variable_bytes::cff2_tables()));
   const glyphs::Folder ufo = small_ufo();
   unsigned char number = 0;
   for (const auto& [name, content] : ufo) {
