@@ -33,6 +33,7 @@ enum DictOperator : int {
   charstring_type = 0x0C06,
   font_matrix = 0x0C07,
   ros = 0x0C1E,
+  cid_count = 0x0C22,
   fd_array = 0x0C24,
   fd_select = 0x0C25,
 };
@@ -799,9 +800,16 @@ Bytes build_cff(const NewCff& font) {
   std::vector<int> numbers;
   for (std::size_t glyph = 0; glyph < count; ++glyph) {
     numbers.push_back(strings.number(glyph == 0 ? ".notdef" : font.names[glyph]));
-    constexpr int most_strings = 64999;
-    if (numbers.back() > most_strings) throw Malformed("table CFF: more glyph names than the format has numbers for");
   }
+  constexpr int most_strings = 64999;
+  const bool is_cid_keyed = *std::ranges::max_element(numbers) > most_strings;
+  if (is_cid_keyed) {
+    strings = Strings();
+    for (std::size_t glyph = 0; glyph < count; ++glyph) numbers[glyph] = static_cast<int>(glyph);
+  }
+  const std::vector<std::int64_t> collection =
+      is_cid_keyed ? std::vector<std::int64_t>{strings.number("Adobe"), strings.number("Identity"), 0}
+                   : std::vector<std::int64_t>();
   const Widths widths = choose_widths(font.advances);
   std::vector<Bytes> charstrings;
   for (std::size_t glyph = 0; glyph < count; ++glyph) {
@@ -822,9 +830,20 @@ Bytes build_cff(const NewCff& font) {
   Bytes result{1, 0, 4, 4};
   const Bytes name(font.name.begin(), font.name.end());
   append(result, build_index({View(name)}, 1));
+  Bytes selection;  // every glyph has the one Font DICT
+  if (is_cid_keyed) {
+    append(selection, 3, 1);
+    for (const std::uint64_t value : {std::uint64_t{1}, std::uint64_t{0}}) append(selection, value, 2);
+    append(selection, 0, 1);
+    append(selection, count, 2);
+  }
+  constexpr std::size_t any_offset = 5;
+  const auto append_private = [&](Bytes& dict, std::int64_t own_at) {
+    append_entry(dict, private_dict, {static_cast<std::int64_t>(own.size()), own_at}, any_offset);
+  };
   const auto top_index = [&](std::uint64_t body) {
-    constexpr std::size_t any_offset = 5;
     Bytes top;
+    if (is_cid_keyed) append_entry(top, ros, collection);
     append_entry(top, font_bbox, {font.box.x_min, font.box.y_min, font.box.x_max, font.box.y_max});
     if (font.units_per_em != 1000) {
       for (const double entry : {1.0, 0.0, 0.0, 1.0, 0.0, 0.0}) {
@@ -837,7 +856,14 @@ Bytes build_cff(const NewCff& font) {
     const auto behind_charstrings = behind_charset + static_cast<std::int64_t>(charstring_bytes.size());
     append_entry(top, charset, {at}, any_offset);
     append_entry(top, char_strings, {behind_charset}, any_offset);
-    append_entry(top, private_dict, {static_cast<std::int64_t>(own.size()), behind_charstrings}, any_offset);
+    if (is_cid_keyed) {
+      const auto behind_selection = behind_charstrings + static_cast<std::int64_t>(own.size() + selection.size());
+      append_entry(top, cid_count, {static_cast<std::int64_t>(count)});
+      append_entry(top, fd_select, {behind_charstrings + static_cast<std::int64_t>(own.size())}, any_offset);
+      append_entry(top, fd_array, {behind_selection}, any_offset);
+    } else {
+      append_private(top, behind_charstrings);
+    }
     return build_index({View(top)}, 1);
   };
   const Bytes string_index = strings.index();
@@ -847,7 +873,14 @@ Bytes build_cff(const NewCff& font) {
   append(result, 0, 2);  // no global subroutines
   append(result, charset_bytes);
   append(result, charstring_bytes);
+  const auto own_at = static_cast<std::int64_t>(result.size());
   append(result, own);
+  append(result, selection);
+  if (is_cid_keyed) {
+    Bytes dict;
+    append_private(dict, own_at);
+    append(result, build_index({View(dict)}, 1));
+  }
   return result;
 }
 

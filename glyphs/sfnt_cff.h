@@ -163,9 +163,11 @@ struct NewCff {
   std::vector<int> advances;
 };
 
-/// A name-keyed table without hints and subroutines; widths are told from the values that take the fewest bytes.
+/// A table without hints and subroutines; widths are told from the values that take the fewest bytes. It is name-keyed;
+/// where there are more names than the format has numbers for (64,999 with the standard ones), CID-keyed by glyph ids,
+/// without names.
 ///
-/// Throws  Malformed, naming the glyph: an outline that no charstring can hold, too many names, lists of other lengths.
+/// Throws  Malformed, naming the glyph: an outline that no charstring can hold; lists of other lengths.
 Bytes build_cff(const NewCff& font);
 
 /// The box of the curves, rounded outward, as head and FontBBox of CFF fonts count it; none if nothing is drawn.
