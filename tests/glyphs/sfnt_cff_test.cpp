@@ -500,3 +500,19 @@ TEST_CASE("a new table tells names and widths in few bytes, and reads back", "[s
   made.advances.pop_back();
   CHECK_THROWS_AS(build_cff(made), glyphs::sfnt::Malformed);
 }
+
+TEST_CASE("a new table of more names than there are numbers for is keyed by glyph ids", "[sfnt_cff]") {
+  constexpr int count = 65535;
+  glyphs::sfnt::NewCff made{.name = "Large"};
+  for (int id = 0; id < count; ++id) made.names.push_back("g" + std::to_string(id));
+  made.outlines.resize(count);
+  made.outlines[1] = made.outlines[count - 1] = read(square).contours;
+  made.advances.assign(count, 600);
+  const Bytes bytes = build_cff(made);
+  const CffTable table(bytes, 1000);
+  CHECK(table.is_cid_keyed());
+  CHECK(table.glyph_count() == count);
+  CHECK(drawn(table.read(count - 1)) == drawn(read(square)));
+  const Font font = glyphs::load_font_bytes("made.otf", otf_of(bytes, count));
+  CHECK(font.glyphs[count - 1].contours == made.outlines[1]);
+}
