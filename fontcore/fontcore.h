@@ -21,5 +21,6 @@
 #include "fontcore/drag.h"
 #include "fontcore/fit.h"
 #include "fontcore/compact.h"
+#include "fontcore/degree.h"
 #include "fontcore/rounding.h"
 // clang-format on

@@ -294,8 +294,9 @@ Recipe read_recipe(const std::string& json) {
   if (reader.has("keep")) recipe.keep = read_keep(reader.take("keep"));
   if (reader.has("emit")) {
     ObjectReader emit(reader.take("emit"), "emit");
-    if (emit.take_choice("mode", {"structure", "compact"}, "structure") != "structure")
-      emit.fail("mode", std::string("\"compact\" ") + later);
+    if (emit.take_choice("mode", {"structure", "compact"}, "structure") == "compact") {
+      recipe.emission = Emission::Compact;
+    }
     if (emit.has("tolerance")) recipe.tolerance = emit.take_number("tolerance");
     if (!(recipe.tolerance > 0.0)) emit.fail("tolerance", "must be positive");
     if (emit.take_choice("composites", {"refuse", "decompose"}, "refuse") == "decompose") {

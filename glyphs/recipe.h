@@ -86,12 +86,20 @@ struct Keep {
   std::vector<Freeze> freeze;
 };
 
+/// What an edited outline is written as.
+enum class Emission {
+  Structure,  ///< its own points, moved: masters stay interpolable
+  Compact,    ///< the fewest segments found within the tolerance
+};
+
 /// A recipe as a value: which glyphs, which steps, what holds, how it is emitted.
 struct Recipe {
   std::string glyphs;  ///< a selection as `select_glyphs` reads it; empty: all glyphs with outlines
   std::vector<Step> steps;
   Keep keep;
-  double tolerance = 0.5;  ///< deviation of the emitted outline from the wished one that is remarked on, font units
+  Emission emission = Emission::Structure;
+  double tolerance = 0.5;  ///< deviation of the emitted outline from the wished one that is remarked on, or that a
+                           ///< compact one may have, font units
   Composites composites = Composites::Refuse;  ///< what a selected composite means
   OnCrossing on_crossing = OnCrossing::Reduce;
   bool lengths_in_thousandths = false;  ///< lengths are em/1000, not font units

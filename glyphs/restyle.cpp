@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "fontcore/alignment.h"
+#include "fontcore/compact.h"
 #include "fontcore/crossing.h"
 #include "fontcore/edit.h"
 #include "fontcore/fit.h"
@@ -55,6 +56,7 @@ struct Attempt {
   std::vector<StepReport> steps;
   double area = 0.0;                        // that the glyph is to have
   std::vector<std::vector<int>> came_from;  // per contour and point; none if the structure is the font's
+  std::vector<std::string> notes;
 };
 
 bool has_same_structure(const Contours& a, const Contours& b) {
@@ -130,9 +132,14 @@ class GlyphEditor {
       result.steps.push_back(apply(placed, amount, result.unrounded, handles[k]));
     }
     result.rounded = rounded(result, handles);
+    if (recipe_.emission == Emission::Compact) emit_compactly(result);
     for (const Reference& reference : references_) result.area += signed_area(reference.contour);
     if (!has_same_structure(result.rounded, original_)) {
-      for (const Reference& reference : references_) result.came_from.push_back(reference.came_from);
+      for (std::size_t k = 0; k < references_.size(); ++k) {
+        const bool is_own = fontcore::has_same_structure(result.rounded[k], references_[k].contour);
+        const auto points = static_cast<std::size_t>(result.rounded[k].point_count());
+        result.came_from.push_back(is_own ? references_[k].came_from : std::vector<int>(points, -1));
+      }
     }
     return result;
   }
@@ -483,14 +490,7 @@ class GlyphEditor {
       moved.push_back({solved[k], reference.contour, rules_of(k), std::move(goal)});
       index.push_back(k);
     }
-    std::vector<fontcore::Rounding> roundings;
-    if (recipe_.keep.area == KeepArea::Glyph) {
-      roundings = round_keeping_area(moved);
-    } else {
-      for (const auto& [contour, reference, rules, goal] : moved) {
-        roundings.push_back(round_keeping_area(contour, reference, rules, goal));
-      }
-    }
+    std::vector<fontcore::Rounding> roundings = round_together(moved);
     for (std::size_t i = 0; i < moved.size(); ++i) {
       const std::size_t k = index[i];
       result[k] = std::move(roundings[i].contour);
@@ -506,6 +506,84 @@ class GlyphEditor {
       }
     }
     return result;
+  }
+
+  // What moved, in the fewest segments within the tolerance: fitted, its area given back by the least change of its own
+  // points, rounded and measured; with less tolerance where one of these takes it beyond. What has frozen points, or
+  // comes out no shorter, stays as its own points have it.
+  void emit_compactly(Attempt& attempt) const {
+    const double unit = recipe_.lengths_in_thousandths ? font_.units_per_em / 1000.0 : 1.0;
+    const double tolerance = recipe_.tolerance * unit;
+    std::vector<std::size_t> open;
+    for (std::size_t k = 0; k < original_.size(); ++k) {
+      if (attempt.unrounded[k] == original_[k]) continue;
+      if (references_[k].frozen.empty()) {
+        open.push_back(k);
+      } else {
+        attempt.notes.push_back(text("contour ", k, ": has frozen points, and is not emitted compactly"));
+      }
+    }
+    for (double share = 0.8; share > 0.2 && !open.empty(); share *= 0.7) {
+      std::vector<fontcore::Unrounded> fitted;
+      std::vector<std::size_t> index;
+      for (const std::size_t k : open) {
+        std::optional<fontcore::Unrounded> fit = fitted_compactly(attempt.unrounded[k], k, share * tolerance);
+        if (!fit || fit->edited.segment_count() >= attempt.rounded[k].segment_count()) continue;
+        fitted.push_back(std::move(*fit));
+        index.push_back(k);
+      }
+      open.clear();
+      const auto roundings = round_together(fitted);
+      for (std::size_t i = 0; i < index.size(); ++i) {
+        const std::size_t k = index[i];
+        const double accuracy = 0.005 * tolerance;
+        if (farthest(attempt.unrounded[k], roundings[i].contour, accuracy).distance > tolerance) {
+          open.push_back(k);
+        } else {
+          attempt.rounded[k] = roundings[i].contour;
+        }
+      }
+    }
+    for (const std::size_t k : open) {
+      attempt.notes.push_back(text("contour ", k, ": no fewer segments in whole numbers stay within ", tolerance));
+    }
+  }
+
+  // None if the fit or the area cannot be had.
+  std::optional<fontcore::Unrounded> fitted_compactly(const BezierContour& solved, std::size_t index,
+                                                      double tolerance) const {
+    fontcore::CompactOptions options;
+    options.tolerance = tolerance;
+    options.units_per_em = font_.units_per_em;
+    options.extrema = recipe_.keep.extrema ? fontcore::Extrema::Keep : fontcore::Extrema::Free;
+    options.curve = has_quadratics() ? fontcore::CurveKind::Quadratic : fontcore::CurveKind::Cubic;
+    options.coordinates = fontcore::Coordinates::Any;
+    options.corners = marked_corners(index);
+    const fontcore::CompactFit fit = fit_compact(solved, options);
+    if (!fit.why.empty()) return std::nullopt;
+    fontcore::Unrounded result{fit.contour, fit.contour, rules_, {}};
+    result.goal.area = signed_area(solved);
+    result.goal.scale = std::abs(signed_area(original_));
+    result.goal.is_new.assign(static_cast<std::size_t>(fit.contour.point_count()), true);
+    if (recipe_.keep.area == KeepArea::None || fit.contour == solved) return result;
+    fontcore::StructureEdit edit;
+    edit.rules = rules_;
+    edit.area = result.goal.area;
+    edit.breadth = length(fit.contour);
+    const auto stay = [](int, double, double) { return Point(Point::Zero()); };
+    fontcore::StructureFit given_back = refit_structure(fontcore::OutlineArcs(fit.contour), stay, edit);
+    if (!given_back.report.failed.empty()) return std::nullopt;
+    result.edited = std::move(given_back.contour);
+    return result;
+  }
+
+  std::vector<fontcore::Rounding> round_together(const std::vector<fontcore::Unrounded>& moved) const {
+    if (recipe_.keep.area == KeepArea::Glyph) return round_keeping_area(moved);
+    std::vector<fontcore::Rounding> roundings;
+    for (const auto& [contour, reference, rules, goal] : moved) {
+      roundings.push_back(round_keeping_area(contour, reference, rules, goal));
+    }
+    return roundings;
   }
 
   const Font& font_;
@@ -563,8 +641,12 @@ double largest_displacement(const Contours& before, const Contours& after, doubl
 
 double emission_deviation(const Contours& solved, const Contours& emitted) {
   double deviation = 0.0;
-  for (std::size_t k = 0; k < solved.size(); ++k)
-    deviation = std::max(deviation, fontcore::two_sided_distance(solved[k], emitted[k]));
+  constexpr double accuracy = 0.005;  // font units
+  for (std::size_t k = 0; k < solved.size(); ++k) {
+    deviation = std::max(deviation, fontcore::has_same_structure(solved[k], emitted[k])
+                                        ? fontcore::two_sided_distance(solved[k], emitted[k])
+                                        : farthest(solved[k], emitted[k], accuracy).distance);
+  }
   return deviation;
 }
 
@@ -687,7 +769,8 @@ GlyphResult restyle_glyph(const Font& font, int id, const Recipe& recipe, const 
     if (recipe.on_crossing != OnCrossing::Allow && more > 0) {
       if (recipe.on_crossing == OnCrossing::Refuse) throw Refusal{text("crossings that the edit adds: ", more)};
       if (editor.has_pin()) throw Refusal{text("crossings that the pinned move adds: ", more)};
-      best = reduced(editor, Attempt{glyph.contours, glyph.contours, best.steps, report.area_before}, added, report);
+      best = reduced(editor, Attempt{glyph.contours, glyph.contours, best.steps, report.area_before, {}, {}}, added,
+                     report);
       after = crossings(best);
     }
     const bool has_new_points = !has_same_structure(best.rounded, glyph.contours);
@@ -701,6 +784,7 @@ GlyphResult restyle_glyph(const Font& font, int id, const Recipe& recipe, const 
     result.unrounded = std::move(best.unrounded);
     result.came_from = std::move(best.came_from);
     report.steps = std::move(best.steps);
+    std::ranges::move(best.notes, std::back_inserter(report.notes));
     report.changed = result.contours != glyph.contours;
     if (decomposed && report.changed) {
       report.notes.push_back("decomposed: it is a simple glyph now, of the outlines that its parts had: " +

@@ -152,8 +152,9 @@ TEST_CASE("unknown and repeated keys, wrong types and what cannot be honoured ar
         "r.json: keep.area: \"all\" is not one of \"glyph\", \"contour\", \"none\"");
   CHECK(refusal(R"({"steps": [], "keep": {"zones": 7}})") ==
         "r.json: keep.zones: must be \"auto\", false or a list of heights");
-  CHECK(refusal(R"({"steps": [], "emit": {"mode": "compact"}})") ==
-        "r.json: emit.mode: \"compact\" is not in this version of glyphwave");
+  CHECK(refusal(R"({"steps": [], "emit": {"mode": "compact"}})").empty());
+  CHECK(refusal(R"({"steps": [], "emit": {"mode": "small"}})") ==
+        "r.json: emit.mode: \"small\" is not one of \"structure\", \"compact\"");
   CHECK(refusal(R"({"steps": [], "seed": -1})") == "r.json: seed: must be a whole number from 0");
 }
 

@@ -498,6 +498,36 @@ TEST_CASE("a step after another leaves whole numbers on every point", "[restyle]
   }
 }
 
+TEST_CASE("compact emission has fewer segments, within its tolerance and with its area", "[restyle]") {
+  for (const std::string& path : {bundled_ttf[2], bundled_otf[2]}) {
+    const Font font = load_font(path);
+    Recipe recipe;
+    recipe.glyphs = "U+0041-005A,U+0061-007A";
+    recipe.steps = {SmoothStep{.scale = 0.03 * font.units_per_em}};
+    recipe.tolerance = 0.001 * font.units_per_em;
+    const RestyleResult own = restyle(font, recipe);
+    recipe.emission = glyphs::Emission::Compact;
+    const RestyleResult compact = restyle(font, recipe);
+    int before = 0;
+    int after = 0;
+    for (std::size_t k = 0; k < own.glyphs.size(); ++k) {
+      const GlyphReport& glyph = compact.glyphs[k];
+      CAPTURE(path, glyph.name);
+      before += own.glyphs[k].segments_after;
+      after += glyph.segments_after;
+      CHECK(glyph.segments_after <= own.glyphs[k].segments_after);
+      CHECK(glyph.deviation <= std::max(recipe.tolerance + 0.02, own.glyphs[k].deviation));
+      CHECK(glyph.crossings_after <= glyph.crossings_before);
+      if (glyph.changed) {
+        CHECK(std::abs(glyph.area_after - glyph.area_target) <= 1e-3 * std::abs(glyph.area_target));
+      }
+    }
+    CHECK(after < 0.9 * before);
+    recipe.steps = {SmoothStep{.scale = 0.0}};
+    CHECK(restyle(font, recipe).font.data == *font.data);
+  }
+}
+
 TEST_CASE("the report has the keys that others rely on, a line a glyph", "[restyle]") {
   const Font font = load_font(bundled_ttf[0]);
   Recipe recipe = recipe_of(step_at({300, 300}, {20, 0}, 500));

@@ -199,7 +199,7 @@ TEST_CASE("a recipe that cannot be honoured is refused and an old output is unto
       {R"({"glyphs": "a", "steps": [{"op": "sweep", "glyph": "a", "contour": 7, "near": [1, 2], "move": [1, 1],
            "breadth": 100}]})",
        "7"},
-      {R"({"glyphs": "a", "steps": [], "emit": {"mode": "compact"}})", "compact"},
+      {R"({"glyphs": "a", "steps": [], "emit": {"mode": "small"}})", "small"},
   };
   for (const auto& [text, word] : recipes) {
     CAPTURE(text);
