@@ -22,6 +22,7 @@
 #include <string>
 #include <vector>
 
+#include "fontcore/arcwise.h"
 #include "fontcore/compact.h"
 #include "fontcore/crossing.h"
 #include "fontcore/drag.h"
@@ -221,31 +222,65 @@ void register_fonts(std::vector<std::string> fonts) {
 void drag_sizes(benchmark::internal::Benchmark* bench) { bench->RangeMultiplier(2)->Range(64, 4096); }
 void sizes(benchmark::internal::Benchmark* bench) { bench->RangeMultiplier(2)->Range(fewest_points, most_points); }
 
-// a-z A-Z 0-9 at 1/1000 em as cubics: seconds a glyph, and segments in sum.
-void fit_font(benchmark::State& state, const std::string& name, fontcore::Extrema extrema) {
-  const glyphs::Font font = glyphs::load_font(std::string(GLYPHWAVE_SOURCE_DIR) + "/fonts/" + name);
-  fontcore::CompactOptions options;
-  options.tolerance = font.units_per_em / 1000.0;
-  options.units_per_em = font.units_per_em;
-  options.extrema = extrema;
+// The contours of a-z A-Z 0-9.
+struct Letters {
   std::vector<fontcore::BezierContour> contours;
-  int letters = 0;
+  int count = 0;
+  double units_per_em = 0.0;
+};
+Letters letters_of(const std::string& name) {
+  const glyphs::Font font = glyphs::load_font(std::string(GLYPHWAVE_SOURCE_DIR) + "/fonts/" + name);
+  Letters letters{.units_per_em = static_cast<double>(font.units_per_em)};
   for (char32_t c = U'0'; c <= U'z'; ++c) {
     const bool is_meant = c <= U'9' || (c >= U'A' && c <= U'Z') || c >= U'a';
     const auto found = font.character_map.find(c);
     if (!is_meant || found == font.character_map.end()) continue;
     const auto own = glyphs::compose(font, found->second);
-    contours.insert(contours.end(), own.begin(), own.end());
-    ++letters;
+    letters.contours.insert(letters.contours.end(), own.begin(), own.end());
+    ++letters.count;
   }
-  int segments = 0;
+  return letters;
+}
+
+void report(benchmark::State& state, const Letters& letters, std::size_t segments) {
+  state.counters["glyph"] =
+      benchmark::Counter(letters.count, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+  state.counters["segments"] = static_cast<double>(segments);
+}
+
+// At 1/1000 em as cubics: seconds a glyph, and segments in sum.
+void fit_font(benchmark::State& state, const std::string& name, fontcore::Extrema extrema) {
+  const Letters letters = letters_of(name);
+  fontcore::CompactOptions options;
+  options.tolerance = letters.units_per_em / 1000.0;
+  options.units_per_em = letters.units_per_em;
+  options.extrema = extrema;
+  std::size_t segments = 0;
   for (auto _ : state) {
     segments = 0;
-    for (const auto& contour : contours) segments += fit_compact(contour, options).contour.segment_count();
+    for (const auto& contour : letters.contours)
+      segments += static_cast<std::size_t>(fit_compact(contour, options).contour.segment_count());
   }
-  state.counters["glyph"] =
-      benchmark::Counter(letters, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
-  state.counters["segments"] = segments;
+  report(state, letters, segments);
+}
+
+// What there was before, [FS94] scan conversion: spans of every arc's levels within the same distance.
+void compress_font(benchmark::State& state, const std::string& name) {
+  const Letters letters = letters_of(name);
+  const double tolerance = letters.units_per_em / 1000.0;
+  constexpr double of_the_arcs = 0.25;  // of the tolerance: their own distance from the outline
+  std::size_t segments = 0;
+  for (auto _ : state) {
+    segments = 0;
+    for (const auto& contour : letters.contours) {
+      const fontcore::OutlineArcs outline(contour);
+      for (const auto& arc : fit_arcs(outline, {.tolerance = of_the_arcs * tolerance})) {
+        const auto curve = decompose(arc.scheme, arc.points, arc.levels);
+        segments += arc.is_line ? 1 : compress(curve, (1.0 - of_the_arcs) * tolerance).pieces.size();
+      }
+    }
+  }
+  report(state, letters, segments);
 }
 
 BENCHMARK(copy)->Name("memcpy")->Apply(sizes);
@@ -267,11 +302,17 @@ BENCHMARK_CAPTURE(synthesize, held, Scheme::HeldCubic)->Name("held_cubic_synthes
 BENCHMARK_CAPTURE(drag, area, false)->Name("drag")->Apply(drag_sizes);
 BENCHMARK_CAPTURE(drag, length, true)->Name("drag_length")->Apply(drag_sizes);
 BENCHMARK(drag_begin)->Apply(drag_sizes);
+BENCHMARK_CAPTURE(compress_font, cabin, "cabin/Cabin-Regular.otf")
+    ->Name("compress/Cabin-Regular")
+    ->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(fit_font, cabin, "cabin/Cabin-Regular.otf", fontcore::Extrema::Keep)
     ->Name("fit_compact/Cabin-Regular")
     ->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(fit_font, cabin_free, "cabin/Cabin-Regular.otf", fontcore::Extrema::Free)
     ->Name("fit_compact/Cabin-Regular/free")
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(compress_font, eb_garamond, "eb-garamond/EBGaramond12-Regular.otf")
+    ->Name("compress/EBGaramond12-Regular")
     ->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(fit_font, eb_garamond, "eb-garamond/EBGaramond12-Regular.otf", fontcore::Extrema::Keep)
     ->Name("fit_compact/EBGaramond12-Regular")
@@ -279,12 +320,18 @@ BENCHMARK_CAPTURE(fit_font, eb_garamond, "eb-garamond/EBGaramond12-Regular.otf",
 BENCHMARK_CAPTURE(fit_font, eb_garamond_free, "eb-garamond/EBGaramond12-Regular.otf", fontcore::Extrema::Free)
     ->Name("fit_compact/EBGaramond12-Regular/free")
     ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(compress_font, liberation_serif, "liberation-serif/LiberationSerif-Regular.ttf")
+    ->Name("compress/LiberationSerif-Regular")
+    ->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(fit_font, liberation_serif, "liberation-serif/LiberationSerif-Regular.ttf", fontcore::Extrema::Keep)
     ->Name("fit_compact/LiberationSerif-Regular")
     ->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(fit_font, liberation_serif_free, "liberation-serif/LiberationSerif-Regular.ttf",
                   fontcore::Extrema::Free)
     ->Name("fit_compact/LiberationSerif-Regular/free")
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(compress_font, open_sans, "open-sans/OpenSans-Regular.ttf")
+    ->Name("compress/OpenSans-Regular")
     ->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(fit_font, open_sans, "open-sans/OpenSans-Regular.ttf", fontcore::Extrema::Keep)
     ->Name("fit_compact/OpenSans-Regular")
