@@ -123,7 +123,6 @@ bool stays_within(const std::vector<Point>& a, const std::vector<Point>& b, doub
 struct Settings {
   CompactOptions options;
   Point fraction = Point::Zero();  // whole numbers differ by it from the coordinates here
-  double unit = 1.0;               // a thousandth of the em
 };
 
 // The nearest point of whole numbers, if coordinates are to be whole; of two as near, the one nearer to the first node.
@@ -804,7 +803,6 @@ class ContourFit {
 
 ContourFit::ContourFit(const BezierContour& source, const CompactOptions& options) : source_(source) {
   settings_.options = options;
-  settings_.unit = options.units_per_em / 1000.0;
   origin_ = source.point(source.node(0));
   for (int axis = 0; axis < 2; ++axis) settings_.fraction[axis] = origin_[axis] - std::floor(origin_[axis]);
 }
@@ -1025,12 +1023,10 @@ Task ContourFit::task_of(int from, int to) const {
   }
   const int fewest = static_cast<double>(to - from) * 3.0 + total > most_samples ? 1 : 3;
   const double scale = std::min(1.0, most_samples / (total + 1.0));
-  double least_gap = 0.0;
+  // Of many candidates those that are far enough apart.
+  const bool has_many = static_cast<double>(to - from) + total * sample_turn / candidate_turn > most_candidates;
+  const double least_gap = has_many ? total / most_candidates : 0.0;
   double since = never;
-  double gaps = 0.0;
-  for (const double w : weights) gaps += std::max(w, 0.0);
-  if (static_cast<double>(to - from) + gaps * sample_turn / candidate_turn > most_candidates)
-    least_gap = gaps / most_candidates;
   for (int i = from; i < to; ++i) {
     const Bezier& b = element(i).curve;
     const auto k = at(i - from);
@@ -1110,19 +1106,15 @@ Task ContourFit::task_of(int from, int to) const {
             }
             return false;
           };
+          // The tangent's component along this axis vanishes: it lies along the other.
           Join join;
           join.place = join.home = sample.place;
           join.tangent = Point::Zero();
-          join.tangent[across == 1 ? 0 : 1] = 1.0;
-          if (join.tangent.dot(sample.tangent) < 0.0) join.tangent = -join.tangent;
+          join.tangent[across] = sample.tangent[across] > 0.0 ? 1.0 : -1.0;
           join.rail = join.tangent;
           join.slides = true;
           join.slide_low = -extremum_slide * em;
           join.slide_high = extremum_slide * em;
-          // tangent[axis] vanishes here: it lies along the other axis
-          join.tangent = Point::Zero();
-          join.tangent[across] = sample.tangent[across] > 0.0 ? 1.0 : -1.0;
-          join.rail = join.tangent;
           if (leaves(1) && leaves(-1)) {
             const bool at_end = best == stretch.first || best == stretch.last;
             if (!at_end) {

@@ -46,13 +46,12 @@ struct CompactFit {
 ///
 /// The direction stays, and the first node the first; with free extrema, that of a smooth contour is the node nearest
 /// to where it was. A corner keeps its angle within 2 degrees and what one and a half units at its shorter handle turn
-/// it; beside a straight run it may slide along it, by less than the tolerance. The source's own nodes mean nothing but
-/// a hint where to join: it may be cut as finely as it likes.
+/// it. The source's own nodes mean nothing but a hint where to join: it may be cut as finely as it likes. With more
+/// than `most_work` to do, stretches not yet looked at stay as they are.
 ///
-/// Exact   deviation <= tolerance unless kept or `why` says otherwise; never more segments than the source has. A
-/// source
-///         moved by whole units or mirrored gives the result moved or mirrored, bit for bit, if its coordinates are
-///         dyadic fractions, as font coordinates are.
+/// Exact   deviation <= tolerance unless `why` says otherwise; never more segments than the source has, but where
+///         whole numbers or quadratics for cubics need them. A source moved by whole units or mirrored gives the result
+///         moved or mirrored, bit for bit, if its coordinates are dyadic fractions, as font coordinates are.
 /// Throws  InvalidInput if the tolerance is negative or not finite, or the em not positive.
 CompactFit fit_compact(const BezierContour& source, const CompactOptions& options = {});
 
