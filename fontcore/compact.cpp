@@ -41,6 +41,8 @@ constexpr double most_candidates = 56.0;
 // The part of the tolerance that the solver aims for: the rest is for what lies between the samples.
 constexpr double aim = 0.985;
 constexpr double polyline_sagitta = 0.006;  // share of the tolerance
+// How far control points may lie outside the box of their curve, as a share of its larger side.
+constexpr double handle_margin = 0.5;
 constexpr double measuring_accuracy = 0.004;
 constexpr const char* too_much_work = "the work for the shortest outline would be more than is allowed";
 
@@ -438,6 +440,20 @@ bool Search::verified(const std::vector<Bezier>& pieces) const {
           if (value < low - most || value > high + most) return false;
         }
       }
+    }
+  }
+  for (const Bezier& b : pieces) {  // handles that reach far beyond their curve are an editor's nuisance
+    Box box;
+    box.add(b.start());
+    box.add(b.end());
+    for (int axis = 0; axis < 2; ++axis) {
+      for (const double u : extrema(b, axis)) box.add(evaluate(b, u));
+    }
+    const Point margin = Point::Constant(handle_margin * (box.high - box.low).maxCoeff());
+    for (int k = 1; k < b.degree; ++k) {
+      const Point& p = b.p[at(k)];
+      if ((p.array() < (box.low - margin).array()).any() || (p.array() > (box.high + margin).array()).any())
+        return false;
     }
   }
   std::vector<Point> line;
