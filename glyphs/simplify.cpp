@@ -184,7 +184,7 @@ SimplifyResult simplify(const Font& font, const SimplifyOptions& options) {
     if (!result.glyphs[k].changed) outlines[k].clear();
   });
   EditedGlyphs edited;
-  WriteOptions writing;
+  WriteOptions writing{.is_checked = options.tolerance > 0.0};
   for (std::size_t k = 0; k < selected.size(); ++k) {
     if (!result.glyphs[k].changed) continue;
     if (font.format == OutlineFormat::Ufo) {
@@ -195,11 +195,13 @@ SimplifyResult simplify(const Font& font, const SimplifyOptions& options) {
     edited.emplace(selected[k], std::move(outlines[k]));
   }
   if (is_flat) {
-    result.font = convert_outlines(font, {.jobs = options.jobs}, edited).font;
+    result.font = convert_outlines(font, {.jobs = options.jobs, .tolerance = 0.0}, edited).font;
   } else {
     result.font = write_font(font, edited, writing);
   }
   for (SimplifiedGlyph& report : result.glyphs) {
+    if (const auto emptied = result.font.emptied.find(report.glyph); emptied != result.font.emptied.end())
+      report.refused = text("comes out empty: ", emptied->second);
     if (std::ranges::binary_search(result.font.dropped_instructions, report.glyph))
       report.dropped.emplace_back("instructions: they were made for the points that were");
     if (std::ranges::binary_search(result.font.dropped_hints, report.glyph))

@@ -63,7 +63,7 @@ FileKind simplified_kind(const Font& font, SimplifiedCurve curve);
 
 /// A font with its outlines in the fewest segments found, every selected glyph on its own. With nothing shorter the
 /// file itself comes back, bit for bit. Composites follow their parts; where TrueType outlines become cubics all are
-/// flattened, and the glyphs not selected are converted as `convert_font` does.
+/// flattened, and the glyphs not selected are raised to the same cubics.
 ///
 /// Throws  RequestError as `simplified_kind` does; FontWriteError as the writers do; InvalidInput if the tolerance is
 ///         negative or no number.

@@ -386,7 +386,7 @@ Outcome simplify(const Request& request, const SimplifyRequest& simplify) {
   if (request.text || !request.glyphs.empty()) options.only = selected(request, font);
   glyphs::SimplifyResult result = naming(request.font, [&] { return glyphs::simplify(font, options); });
 
-  if (simplify.strict && result.refused() > 0) {
+  if (simplify.strict && (result.refused() > 0 || !result.font.emptied.empty())) {
     std::vector<std::string> refused;
     for (const glyphs::SimplifiedGlyph& glyph : result.glyphs)
       if (!glyph.refused.empty()) refused.push_back(glyph.name + " (" + glyph.refused + ")");

@@ -113,8 +113,10 @@ TEST_CASE("a font converted is within its tolerance, by either reader, and the s
         }
       }
       CHECK(wrong == 0);
-      CHECK(farthest <= units + 0.05);
-      CHECK(converted.deviation.at(static_cast<std::size_t>(converted.worst)) <= units + 0.01);
+      // Cubics that are cut one by one take half of it, and whole numbers up to 0.71 units.
+      const double bound = std::max(units, 0.5 * units + 0.71);
+      CHECK(farthest <= bound + 0.05);
+      CHECK(converted.deviation.at(static_cast<std::size_t>(converted.worst)) <= bound + 0.01);
     }
   }
 }

@@ -510,6 +510,7 @@ TEST_CASE("compact emission has fewer segments, within its tolerance and with it
     const RestyleResult compact = restyle(font, recipe);
     int before = 0;
     int after = 0;
+    int off_area = 0;  // few points are moved by whole units
     for (std::size_t k = 0; k < own.glyphs.size(); ++k) {
       const GlyphReport& glyph = compact.glyphs[k];
       CAPTURE(path, glyph.name);
@@ -519,9 +520,12 @@ TEST_CASE("compact emission has fewer segments, within its tolerance and with it
       CHECK(glyph.deviation <= std::max(recipe.tolerance + 0.02, own.glyphs[k].deviation));
       CHECK(glyph.crossings_after <= glyph.crossings_before);
       if (glyph.changed) {
-        CHECK(std::abs(glyph.area_after - glyph.area_target) <= 1e-3 * std::abs(glyph.area_target));
+        const double off = std::abs(glyph.area_after - glyph.area_target) / std::abs(glyph.area_target);
+        CHECK(off < 2e-3);
+        off_area += off > 5e-4 ? 1 : 0;
       }
     }
+    CHECK(off_area <= 2);
     CHECK(after < 0.9 * before);
     recipe.steps = {SmoothStep{.scale = 0.0}};
     CHECK(restyle(font, recipe).font.data == *font.data);

@@ -266,7 +266,11 @@ TEST_CASE("convert makes OpenType of TrueType, UFOs of both, an SVG of a glyph",
   const Run otf = glyphwave({"convert", serif, folder / "o.otf"});
   CAPTURE(otf.err);
   REQUIRE(otf.status == 0);
-  CHECK_THAT(otf.out, Catch::Contains("largest deviation: 0."));
+  CHECK_THAT(otf.out, Catch::Contains("largest deviation: 2"));  // 1/1000 em is 2.048 units
+  const Run truetype = glyphwave({"convert", folder / "o.otf", folder / "back.ttf", "--json"});
+  CAPTURE(truetype.err);
+  REQUIRE(truetype.status == 0);
+  CHECK(json::parse(truetype.out)["deviation"].get<double>() < 2.1);
   CHECK_THAT(otf.out, Catch::Contains("dropped: cvt fpgm glyf loca prep"));
   const Run exact = glyphwave({"convert", serif, folder / "exact.otf", "--fractional", "--json"});
   REQUIRE(exact.status == 0);
@@ -297,11 +301,12 @@ TEST_CASE("convert makes OpenType of TrueType, UFOs of both, an SVG of a glyph",
 
   const auto files = folder.files();
   check_refusal(glyphwave({"convert", folder / "u.ufo", folder / "x.ttf"}), {"fontmake -u", "u.ufo"});
-  check_refusal(glyphwave({"convert", folder / "o.otf", folder / "x.ttf"}), {"o.otf", "cubics"});
+  check_refusal(glyphwave({"convert", folder / "o.otf", folder / "x.ttf", "--tolerance", "0"}), {"o.otf", "cubics"});
+  check_refusal(glyphwave({"convert", folder / "o.otf", folder / "x.ttf", "--fractional"}), {"o.otf", "tolerance"});
   check_refusal(glyphwave({"convert", serif, folder / "x.svg"}), {"LiberationSerif", "one glyph"});
   check_refusal(glyphwave({"convert", serif, folder / "x.woff"}), {"x.woff", "ending"});
   check_refusal(glyphwave({"convert", serif, folder / "x.otf", "--glyphs", "a"}), {"every glyph is converted"});
-  check_refusal(glyphwave({"convert", serif, folder / "x.otf", "--tolerance", "2"}), {"--tolerance"});
+  check_refusal(glyphwave({"convert", serif, folder / "x.otf", "--tolerance", "-2"}), {"tolerance"});
   CHECK(folder.files() == files);
 }
 
