@@ -54,6 +54,15 @@ class OutlineConverter {
     return one_by_one(before);
   }
 
+  /// What is of the other kind, or at fractions, one by one; the rest as it is.
+  Contours adopt(const Contours& given) const {
+    Contours result;
+    for (const BezierContour& contour : given) {
+      if (contour.point_count() >= 2) result.push_back(is_of_kind(contour) ? contour : one_by_one(contour));
+    }
+    return result;
+  }
+
  private:
   bool is_of_kind(const BezierContour& contour) const {
     const PointKind other = curve_ == CurveKind::Cubic ? PointKind::Quadratic : PointKind::Cubic;
@@ -166,8 +175,11 @@ ConvertedFont convert_outlines(const Font& font, const ConvertOptions& options, 
     Contours before = compose(font, id);
     std::erase_if(before, [](const BezierContour& contour) { return contour.point_count() < 2; });
     before_counts[k] = segment_count(before);
-    Contours after = given == instead.end() ? converter.convert(before) : given->second;
-    if (to_cff) after = sfnt::snap(after);
+    Contours after = given == instead.end() ? converter.convert(before) : converter.adopt(given->second);
+    if (to_cff) {  // a charstring begins with a node
+      for (BezierContour& contour : after) contour = raised_to_cubics(contour);
+      after = sfnt::snap(after);
+    }
     converted.deviation[k] = deviation(before, after);
     for (BezierContour& contour : after) contour = reverse(contour);
     troubles[k] = to_cff ? why_no_charstring(after) : why_no_truetype(after);

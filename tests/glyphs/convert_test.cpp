@@ -139,6 +139,15 @@ TEST_CASE("TrueType to OpenType and back draws the same within both tolerances, 
   CHECK(back.segments_after < 1.1 * there.segments_before);
 }
 
+TEST_CASE("outlines given for the font's are converted too, points alone left out", "[convert]") {
+  const Bytes leaf = sfnt_bytes::simple_glyph({{{0, 0}, {0, 300, false}, {300, 300}, {300, 0, false}}, {{500, 500}}});
+  const Font font = glyphs::load_font_bytes("leaf.ttf", sfnt_bytes::font_of(sfnt_bytes::small_font({{}, leaf})));
+  REQUIRE(font.glyphs[1].contours.size() == 2);
+  const glyphs::ConvertedFont converted = convert_outlines(font, {}, {{1, font.glyphs[1].contours}});
+  CHECK(drawn(glyphs::load_font_bytes("leaf.otf", converted.font.data), 1) ==
+        "0,0 (200,0) (300,100) 300,300 (100,300) (0,200)");
+}
+
 TEST_CASE("what cannot be converted is refused in a line", "[convert]") {
   const Font otf = glyphs::load_font(bundled_font("cabin/Cabin-Regular.otf"));
   const auto refused = [&](const glyphs::ConvertOptions& options) {
