@@ -45,12 +45,17 @@ class OutlineConverter {
   /// Still in their own direction.
   Contours convert(const Contours& before) const {
     if (tolerance_ == 0.0) return one_by_one(before);
-    Contours after;
-    for (const BezierContour& contour : before) {
-      fontcore::CompactFit fit = fit_compact(contour, compact_);
-      after.push_back(fit.why.empty() && is_of_kind(fit.contour) ? std::move(fit.contour) : one_by_one(contour));
+    try {
+      Contours after;
+      fontcore::CompactOptions options = compact_;
+      for (const BezierContour& contour : before) {
+        fontcore::CompactFit fit = fit_compact(contour, options);
+        options.most_work = std::max(options.most_work - fit.work, 0L);  // of the whole glyph
+        after.push_back(fit.why.empty() && is_of_kind(fit.contour) ? std::move(fit.contour) : one_by_one(contour));
+      }
+      if (added_crossings(find_crossings(before), find_crossings(after)) == 0) return after;
+    } catch (const fontcore::WorkLimitExceeded&) {  // outlines that lie on themselves over and over
     }
-    if (added_crossings(find_crossings(before), find_crossings(after)) == 0) return after;
     return one_by_one(before);
   }
 

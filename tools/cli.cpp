@@ -150,9 +150,7 @@ constexpr std::array<Command, 7> table{{
                       "two-sided distance allowed where the kind of curve changes, thousandths of the em; 1 unless "
                       "given, with --fractional 0; 0: the same curves, quadratics to cubics only");
      },
-     [](const Options& options) {
-       return commands::convert(options.request, options.convert);
-     }},
+     [](const Options& options) { return commands::convert(options.request, options.convert); }},
     {"proof", "a picture of set text or of single glyphs, before and after overlaid",
      [](CLI::App& app, Options& options) {
        add_output(app, options, "the picture, .png, .pdf or .svg")->required();
