@@ -12,6 +12,7 @@
 #include "fontcore/crossing.h"
 #include "fontcore/edit.h"
 #include "fontcore/fit.h"
+#include "fontcore/ink.h"
 #include "fontcore/measure.h"
 #include "fontcore/rounding.h"
 #include "fontcore/soften.h"
@@ -661,6 +662,25 @@ double progress(const Attempt& attempt) {
   return sum;
 }
 
+// Counters that an edit closed, and contours that it turned round.
+void compare_ink(const Contours& before, const std::vector<fontcore::Crossing>& crossings_before, const Contours& after,
+                 const std::vector<fontcore::Crossing>& crossings_after, GlyphReport& report) {
+  try {
+    const auto closed = closed_counters(measure_ink(before, crossings_before), measure_ink(after, crossings_after));
+    report.closed_counters = static_cast<int>(closed.size());
+    for (const fontcore::Box& counter : closed) {
+      report.notes.push_back(text("a counter is closed: the one from (", counter.low.x(), ", ", counter.low.y(),
+                                  ") to (", counter.high.x(), ", ", counter.high.y(), ")"));
+    }
+    report.changed_windings = changed_windings(before, crossings_before, after, crossings_after);
+    for (const int contour : report.changed_windings) {
+      report.notes.push_back(text("contour ", contour, ": runs the other way round now, or lies in another"));
+    }
+  } catch (const fontcore::WorkLimitExceeded&) {
+    report.notes.emplace_back("counters are not compared: the contours lie on themselves too often");
+  }
+}
+
 // The edit that comes nearest to the wish without adding a crossing: the largest safe amount, found by bisection; or,
 // where only forcing the handles would cross and it gets further, the whole amount with the handles as wishes.
 template <typename Added>
@@ -780,6 +800,7 @@ GlyphResult restyle_glyph(const Font& font, int id, const Recipe& recipe, const 
     }
     report.area_target = best.area;
     report.crossings_after = static_cast<int>(after.size());
+    if (best.rounded != glyph.contours) compare_ink(glyph.contours, before, best.rounded, after, report);
     result.contours = std::move(best.rounded);
     result.unrounded = std::move(best.unrounded);
     result.came_from = std::move(best.came_from);
@@ -957,6 +978,8 @@ std::string report_json(const Font& font, const RestyleResult& result) {
                   {"largest_displacement", report.largest_displacement},
                   {"crossings_before", report.crossings_before},
                   {"crossings_after", report.crossings_after},
+                  {"closed_counters", report.closed_counters},
+                  {"changed_windings", report.changed_windings},
                   {"segments_before", report.segments_before},
                   {"segments_after", report.segments_after},
                   {"segments_kept", report.segments_kept},

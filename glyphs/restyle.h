@@ -46,6 +46,8 @@ struct GlyphReport {
   double largest_displacement = 0.0;
   int crossings_before = 0;
   int crossings_after = 0;
+  int closed_counters = 0;            ///< counters of the ink that are gone
+  std::vector<int> changed_windings;  ///< contours that run the other way round now, or lie within others
   int segments_before = 0;
   int segments_after = 0;
   int segments_kept = 0;   ///< bit for bit as they were

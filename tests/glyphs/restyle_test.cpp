@@ -532,6 +532,24 @@ TEST_CASE("compact emission has fewer segments, within its tolerance and with it
   }
 }
 
+TEST_CASE("a counter that an edit closes is counted and named", "[restyle]") {
+  const Font font = font_of({shapes::polygon({{0, 0}, {0, 600}, {600, 600}, {600, 0}}),
+                             shapes::polygon({{200, 200}, {400, 200}, {400, 400}, {200, 400}})});
+  Recipe recipe = recipe_of(step_at({400, 300}, {-260, 0}, 400));
+  recipe.keep.area = KeepArea::None;
+  recipe.on_crossing = OnCrossing::Allow;
+  const GlyphReport turned = restyle_glyph(font, 0, recipe, {}).report;
+  CHECK(turned.closed_counters == 1);
+  CHECK(turned.changed_windings == std::vector<int>{1});
+  REQUIRE(turned.notes.size() >= 2);
+  CHECK(turned.notes[0] == "a counter is closed: the one from (200, 200) to (400, 400)");
+  recipe.steps = {step_at({400, 300}, {-100, 0}, 400)};
+  const GlyphReport narrowed = restyle_glyph(font, 0, recipe, {}).report;
+  CHECK(narrowed.changed);
+  CHECK(narrowed.closed_counters == 0);
+  CHECK(narrowed.changed_windings.empty());
+}
+
 TEST_CASE("the report has the keys that others rely on, a line a glyph", "[restyle]") {
   const Font font = load_font(bundled_ttf[0]);
   Recipe recipe = recipe_of(step_at({300, 300}, {20, 0}, 500));
