@@ -43,7 +43,7 @@ RowName name_along(const char* before, int point, const char* after, int axis, c
 
 // Points p and q keep the difference of a coordinate of the frame.
 void add_equal(Rows& all, const RowName& name, int p, int q, int axis, double slope = 0.0) {
-  Row& row = all.emplace_back(name);
+  Row& row = all.emplace_back(Row{name, {}});
   row.terms = {{variable(p, axis), 1.0}, {variable(q, axis), -1.0}};
   if (axis == 0 && slope != 0.0) {
     row.terms.push_back({variable(p, 1), -slope});
@@ -126,7 +126,7 @@ void add_between(Rows& all, const BezierContour& contour, const Join& join, cons
                                      m * contour.point(join.after_point) - contour.point(join.node))
                              : Point::Zero();
   for (int axis = 0; axis < 2; ++axis) {
-    Row& row = all.emplace_back(name);
+    Row& row = all.emplace_back(Row{name, {}});
     row.terms = {{variable(join.node, axis), 1.0},
                  {variable(join.before_point, axis), m - 1.0},
                  {variable(join.after_point, axis), -m}};
@@ -161,7 +161,7 @@ void add_extremum(Rows& all, const BezierContour& contour, const Join& join, con
 }
 
 void add_zone(Rows& all, const BezierContour& contour, int node) {
-  Row& row = all.emplace_back(RowName::of("point ", node, " stays at zone y = ", contour.points()(node, 1)));
+  Row& row = all.emplace_back(Row{RowName::of("point ", node, " stays at zone y = ", contour.points()(node, 1)), {}});
   row.terms = {{variable(node, 1), 1.0}};
 }
 

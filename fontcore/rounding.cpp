@@ -134,11 +134,13 @@ class WholeNumbers {
       for (const auto& [i, j, weight] : area_terms(edited_.degree(s))) {
         const int p = edited_.point_of(s, static_cast<int>(i));
         const int q = edited_.point_of(s, static_cast<int>(j));
-        for (const auto& [x, y, sign] : {std::array{p, q, 1}, std::array{q, p, -1}}) {
+        const auto add_products = [&](int x, int y, double signed_weight) {
           for_unknowns(x, 0, [&](std::size_t k, double a) {
-            for_unknowns(y, 1, [&](std::size_t l, double b) { add(k, l, sign * weight * a * b); });
+            for_unknowns(y, 1, [&](std::size_t l, double b) { add(k, l, signed_weight * a * b); });
           });
-        }
+        };
+        add_products(p, q, weight);
+        add_products(q, p, -weight);
       }
     }
   }

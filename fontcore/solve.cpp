@@ -55,9 +55,10 @@ RowElimination::Outcome RowElimination::add(Row row) {
     reduced.constant -= coefficient * known->constant;
     add_to(reduced.multipliers, known->multipliers, -coefficient);
   }
-  const auto gone = std::ranges::remove_if(
-      reduced.terms, [&](double value) { return std::abs(value) <= vanishing_coefficient * scale; }, &Term::value);
-  reduced.terms.erase(gone.begin(), gone.end());
+  auto* const kept_end = std::remove_if(reduced.terms.begin(), reduced.terms.end(), [&](const Term& term) {
+    return std::abs(term.value) <= vanishing_coefficient * scale;
+  });
+  reduced.terms.erase(kept_end, reduced.terms.end());
 
   if (reduced.terms.empty()) {
     if (std::abs(reduced.constant) <= contradiction) {
