@@ -527,8 +527,11 @@ class LayoutPatcher {
       const std::uint64_t second_size = size_of(u16(table_, at + 6));
       std::vector<Record> firsts;
       std::vector<Record> seconds;
+      // Sets of pairs may be shared, but not so that a few bytes fill the memory.
+      const std::uint64_t most_pairs = 0xFFFF + std::uint64_t{16} * table_.size();
       const auto add = [&](std::uint64_t record, std::uint64_t parent) {
         budget_.spend(1);
+        if (firsts.size() == most_pairs) throw Malformed(text("more than ", most_pairs, " pairs"));
         firsts.push_back({record, parent});
         seconds.push_back({record + first_size, parent});
       };
