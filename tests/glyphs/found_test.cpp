@@ -31,7 +31,9 @@ TEST_CASE("what once broke a reader breaks it no more", "[found]") {
     if (path.extension() == ".json") {
       survive_recipe({bytes.begin(), bytes.end()});
     } else {
-      survive(bytes);
+      // A name that ends in "at_one_place" is of a variable font, which is edited at a place of its design space only.
+      const bool is_variable = path.stem().string().ends_with("at_one_place");
+      survive(bytes, is_variable ? glyphs::Location{{"wght", 650.0}} : glyphs::Location{});
     }
     ++tried;
   }
