@@ -132,6 +132,12 @@ bool operator==(const BezierContour& a, const BezierContour& b) {
   return has_same_structure(a, b) && a.points() == b.points();
 }
 
+int segment_count(const std::vector<BezierContour>& contours) {
+  int count = 0;
+  for (const BezierContour& contour : contours) count += contour.segment_count();
+  return count;
+}
+
 int equal_segments(const BezierContour& a, const BezierContour& b) {
   if (!has_same_structure(a, b)) throw InvalidInput("equal_segments: the contours differ in structure");
   int equal = 0;

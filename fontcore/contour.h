@@ -123,6 +123,9 @@ bool has_same_structure(const BezierContour& a, const BezierContour& b);
 /// Bit for bit the same points and kinds.
 bool operator==(const BezierContour& a, const BezierContour& b);
 
+/// Of all contours together.
+int segment_count(const std::vector<BezierContour>& contours);
+
 /// How many segments of two contours of one structure are the same, bit for bit.
 int equal_segments(const BezierContour& a, const BezierContour& b);
 

@@ -23,12 +23,6 @@ using fontcore::PointKind;
 using fontcore::text;
 using Contours = std::vector<BezierContour>;
 
-int segment_count(const Contours& contours) {
-  int count = 0;
-  for (const BezierContour& contour : contours) count += contour.segment_count();
-  return count;
-}
-
 /// Outlines of one font as curves of one kind.
 class OutlineConverter {
  public:

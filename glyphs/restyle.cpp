@@ -600,12 +600,6 @@ class GlyphEditor {
   std::vector<std::optional<fontcore::OutlineCurve>> curves_;
 };
 
-int segment_count(const Contours& contours) {
-  int count = 0;
-  for (const BezierContour& contour : contours) count += contour.segment_count();
-  return count;
-}
-
 int kept_segments(const Contours& before, const Contours& after) {
   int kept = 0;
   for (std::size_t k = 0; k < before.size(); ++k) {

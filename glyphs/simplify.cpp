@@ -21,12 +21,6 @@ using fontcore::PointKind;
 using fontcore::text;
 using Contours = std::vector<BezierContour>;
 
-int segment_count(const Contours& contours) {
-  int count = 0;
-  for (const BezierContour& contour : contours) count += contour.segment_count();
-  return count;
-}
-
 bool becomes_cff(const Font& font, SimplifiedCurve curve) {
   return curve == SimplifiedCurve::Cubic && font.format == OutlineFormat::TrueType;
 }

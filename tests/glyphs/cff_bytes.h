@@ -123,9 +123,9 @@ inline Bytes table(const Cff& font) {
     const Bytes widths = joined({entry(20, {600}), entry(21, {500})});
     return subroutines.empty() ? widths : joined({widths, entry(19, {static_cast<int>(widths.size()) + 6})});
   };
-  const Bytes placeholder = is_cid ? entry(1236, {0}) : entry(18, {0, 0});
+  const Bytes as_long = is_cid ? entry(1236, {0}) : entry(18, {0, 0});
   const auto size = [](const Bytes& bytes) { return static_cast<int>(bytes.size()); };
-  const int start = size(head) + size(names) + size(index({top_of(font.charset.empty() ? 0 : 1, 0, 0, placeholder)})) +
+  const int start = size(head) + size(names) + size(index({top_of(font.charset.empty() ? 0 : 1, 0, 0, as_long)})) +
                     size(strings) + size(globals);
   Bytes body = font.charset;
   const int charset = body.empty() ? 0 : start;
