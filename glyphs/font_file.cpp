@@ -13,6 +13,7 @@
 
 #include "glyphs/error.h"
 #include "glyphs/freetype_loader.h"
+#include "glyphs/sfnt_cff.h"
 #include "glyphs/ufo.h"
 #include "glyphs/woff.h"
 #include "glyphs/xml.h"
@@ -247,6 +248,44 @@ FileKind kind_of(const Font& font) {
       return FileKind::TrueType;
   }
   throw RequestError(font.path + ": has CFF2 outlines, which this version does not write");
+}
+
+namespace {
+
+std::vector<std::int64_t> sfnt_bytes(const Font& font, const Bytes& data, int face) {
+  std::vector<std::int64_t> bytes(font.glyphs.size(), 0);
+  const auto fill = [&](const auto& entry) {
+    for (std::size_t id = 0; id < bytes.size(); ++id) {
+      try {
+        bytes[id] = static_cast<std::int64_t>(entry(static_cast<int>(id)).size());
+      } catch (const sfnt::Malformed&) {
+        bytes[id] = 0;  // the font gives it no bytes: it is in trouble
+      }
+    }
+  };
+  try {
+    const sfnt::Directory directory = sfnt::read_directory(data, face);
+    const sfnt::Basics basics = sfnt::read_basics(directory);
+    if (font.format == OutlineFormat::TrueType) {
+      fill([&](int id) { return basics.outlines.bytes(id); });
+    } else if (font.format == OutlineFormat::Cff) {
+      const sfnt::CffTable table(directory.require(sfnt::tag("CFF "), 0), basics.units_per_em);
+      fill([&](int id) { return table.charstrings().object(id); });
+    }
+  } catch (const sfnt::Malformed& error) {
+    throw FontReadError(text(font.path, ": ", error.what()));
+  }
+  return bytes;
+}
+
+}  // namespace
+
+std::vector<std::int64_t> glyph_bytes(const Font& font) {
+  return font.folder ? glif_bytes(font, *font.folder) : sfnt_bytes(font, *font.data, font.face_index);
+}
+
+std::vector<std::int64_t> glyph_bytes(const Font& font, const WrittenFont& written) {
+  return written.folder ? glif_bytes(font, *written.folder) : sfnt_bytes(font, written.data, 0);
 }
 
 WrittenFont extract_ufo(const Font& font) { return written(build_ufo(font)); }

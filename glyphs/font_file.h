@@ -1,7 +1,9 @@
 #pragma once
 
+#include <cstdint>
 #include <map>
 #include <string>
+#include <vector>
 
 #include "glyphs/font.h"
 #include "glyphs/jobs.h"
@@ -61,6 +63,12 @@ FileKind kind_of(const Font& font);
 
 /// The font with the given glyphs' outlines replaced and nothing else changed, by `write_sfnt` or `write_ufo`.
 WrittenFont write_font(const Font& font, const EditedGlyphs& edited, const WriteOptions& options = {});
+
+/// Bytes that every glyph takes in the file the font was read from, by glyph id: of its entry in `glyf`, of its
+/// charstring, of its file in a UFO. 0 where there is nothing, and in fonts with other outlines.
+std::vector<std::int64_t> glyph_bytes(const Font& font);
+/// The same in what was written of that font with its kind of outlines kept.
+std::vector<std::int64_t> glyph_bytes(const Font& font, const WrittenFont& written);
 
 /// A UFO made of the font, by `build_ufo`.
 WrittenFont extract_ufo(const Font& font);

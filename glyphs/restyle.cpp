@@ -38,6 +38,16 @@ struct PlacedStep {
   int contour = 0;
 };
 
+// Points that a file holds; implied nodes follow from their handles.
+std::int64_t stored_points(const Contours& contours) {
+  std::int64_t points = 0;
+  for (const BezierContour& contour : contours) {
+    points += static_cast<std::int64_t>(contour.kinds().size()) -
+              std::ranges::count(contour.kinds(), fontcore::PointKind::ImpliedNode);
+  }
+  return points;
+}
+
 // Why a glyph stays as it was.
 struct Refusal {
   std::string reason;
@@ -762,6 +772,8 @@ GlyphResult restyle_glyph(const Font& font, int id, const Recipe& recipe, const 
   report.glyph = id;
   report.name = glyph.name;
   report.segments_before = report.segments_after = report.segments_kept = segment_count(glyph.contours);
+  report.size.points_before = report.size.points_after =
+      stored_points(font.glyphs[static_cast<std::size_t>(id)].contours);
   report.area_before = report.area_target = report.area_unrounded = report.area_after = signed_area(glyph.contours);
   try {
     if (!glyph.trouble.empty()) throw Refusal{glyph.trouble};
@@ -820,6 +832,7 @@ GlyphResult restyle_glyph(const Font& font, int id, const Recipe& recipe, const 
   if (recipe.keep.area == KeepArea::None) report.area_target = report.area_unrounded;
   report.largest_displacement = largest_displacement(glyph.contours, result.contours, 1e-3 * font.units_per_em);
   report.segments_after = segment_count(result.contours);
+  if (report.changed) report.size.points_after = stored_points(result.contours);
   report.segments_kept = kept_segments(glyph.contours, result.contours);
   report.deviation = emission_deviation(result.unrounded, result.contours);
   if (const double taken = std::abs(report.area_before) - std::abs(report.area_target);
@@ -837,6 +850,20 @@ GlyphResult restyle_glyph(const Font& font, int id, const Recipe& recipe, const 
         text("no whole-number outline near this one is nearer to the area than ", area_error, " square units"));
   }
   return result;
+}
+
+OutlineSize& OutlineSize::operator+=(const OutlineSize& other) {
+  points_before += other.points_before;
+  points_after += other.points_after;
+  bytes_before += other.bytes_before;
+  bytes_after += other.bytes_after;
+  return *this;
+}
+
+OutlineSize RestyleResult::size() const {
+  OutlineSize sum;
+  for (const GlyphReport& glyph : glyphs) sum += glyph.size;
+  return sum;
 }
 
 int RestyleResult::changed() const {
@@ -918,7 +945,11 @@ RestyleResult restyle(const Font& font, const Recipe& recipe, const RestyleOptio
     result.glyphs.push_back(std::move(glyph.report));
   }
   result.font = write_font(font, edited, writing);
+  const std::vector<std::int64_t> bytes_before = glyph_bytes(font);
+  const std::vector<std::int64_t> bytes_after = glyph_bytes(font, result.font);
   for (GlyphReport& report : result.glyphs) {
+    report.size.bytes_before = bytes_before[static_cast<std::size_t>(report.glyph)];
+    report.size.bytes_after = bytes_after[static_cast<std::size_t>(report.glyph)];
     const auto& dropped = result.font.dropped_instructions;
     if (std::binary_search(dropped.begin(), dropped.end(), report.glyph)) {
       report.dropped.emplace_back("instructions: they were made for the points where they stood");
@@ -929,6 +960,7 @@ RestyleResult restyle(const Font& font, const Recipe& recipe, const RestyleOptio
     if (const auto emptied = result.font.emptied.find(report.glyph); emptied != result.font.emptied.end()) {
       report.refused = text("comes out empty: ", emptied->second);
       report.amount = 0.0;
+      report.size.points_after = 0;
     }
   }
   return result;
@@ -944,10 +976,15 @@ std::string report_json(const Font& font, const RestyleResult& result) {
   const auto pair = [](const Point& p) { return Json::array({p.x(), p.y()}); };
   std::vector<int> emptied;
   for (const auto& [id, why] : result.font.emptied) emptied.push_back(id);
+  const OutlineSize size = result.size();
   Json head = {{"version", 1},
                {"unitsPerEm", font.units_per_em},
                {"changed", result.changed()},
                {"refused", result.refused()},
+               {"points_before", size.points_before},
+               {"points_after", size.points_after},
+               {"bytes_before", size.bytes_before},
+               {"bytes_after", size.bytes_after},
                {"changed_tables", result.font.changed_tables},
                {"dropped_tables", result.font.dropped_tables},
                {"moved_composites", names(result.font.moved_composites)},
@@ -977,6 +1014,10 @@ std::string report_json(const Font& font, const RestyleResult& result) {
                   {"segments_before", report.segments_before},
                   {"segments_after", report.segments_after},
                   {"segments_kept", report.segments_kept},
+                  {"points_before", report.size.points_before},
+                  {"points_after", report.size.points_after},
+                  {"bytes_before", report.size.bytes_before},
+                  {"bytes_after", report.size.bytes_after},
                   {"deviation", report.deviation},
                   {"dropped", report.dropped}};
     if (!report.refused.empty()) glyph["refused"] = report.refused;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -32,6 +33,16 @@ struct StepReport {
   double least_radius = 0.0;  ///< of these arcs, font units
 };
 
+/// How much glyphs take in their file, before and after.
+struct OutlineSize {
+  std::int64_t points_before = 0;  ///< that the file holds: implied nodes and those of components do not count
+  std::int64_t points_after = 0;
+  std::int64_t bytes_before = 0;  ///< as `glyph_bytes` counts them
+  std::int64_t bytes_after = 0;
+
+  OutlineSize& operator+=(const OutlineSize& other);
+};
+
 /// What became of one glyph.
 struct GlyphReport {
   int glyph = 0;
@@ -51,6 +62,7 @@ struct GlyphReport {
   int segments_before = 0;
   int segments_after = 0;
   int segments_kept = 0;   ///< bit for bit as they were
+  OutlineSize size;        ///< its bytes are known once the font is written
   double deviation = 0.0;  ///< two-sided distance of the emitted outline from the solved one: rounding's, font units
   std::vector<std::string> dropped;  ///< instructions, and why
   std::vector<std::string> notes;    ///< other remarks, a line each
@@ -84,6 +96,7 @@ struct RestyleResult {
   std::vector<GlyphReport> glyphs;  ///< selected glyphs, by id
   int changed() const;
   int refused() const;
+  OutlineSize size() const;  ///< of these glyphs together
 };
 
 /// Throws  RequestError if a step names a glyph or a contour that does not exist or was not selected, or as `kind_of`

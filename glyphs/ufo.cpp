@@ -611,4 +611,19 @@ WrittenUfo write_ufo(const Font& font, const EditedGlyphs& edited, const WriteOp
   return Writer(font, edited, options).write();
 }
 
+std::vector<std::int64_t> glif_bytes(const Font& font, const Folder& folder) {
+  std::vector<std::int64_t> bytes(font.glyphs.size(), 0);
+  try {
+    const std::map<std::string, std::string> files = UfoReader(folder).contents();
+    for (const Glyph& glyph : font.glyphs) {
+      const auto file = files.find(glyph.name);
+      if (file == files.end()) continue;
+      bytes[static_cast<std::size_t>(glyph.id)] = static_cast<std::int64_t>(folder.at(file->second).size());
+    }
+  } catch (const Malformed& error) {
+    throw FontReadError(text(font.path, ": glyphs/contents.plist: ", error.what()));
+  }
+  return bytes;
+}
+
 }  // namespace glyphs

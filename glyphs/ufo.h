@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <map>
 #include <string>
 #include <vector>
@@ -46,6 +47,11 @@ struct WrittenUfo {
 ///         implied node not midway between its handles, a coordinate over `max_coordinate`, a result that does not
 ///         read back. Names glyph and file.
 WrittenUfo write_ufo(const Font& font, const EditedGlyphs& edited, const WriteOptions& options = {});
+
+/// Bytes of every glyph's file in a folder that holds the font's glyphs, by glyph id; 0 where there is none.
+///
+/// Throws  FontReadError if the folder's list of glyphs cannot be read.
+std::vector<std::int64_t> glif_bytes(const Font& font, const Folder& folder);
 
 /// A UFO 3 made from the tables of a TTF or an OTF: outlines, metrics, names, characters, order and font info.
 ///

@@ -200,6 +200,15 @@ std::string what_changed(const Font& font, const glyphs::WrittenFont& written) {
   return out;
 }
 
+/// What glyphs take in their file now, and how much of it was added.
+std::string what_was_added(const glyphs::OutlineSize& size) {
+  const auto compared = [](std::int64_t after, std::int64_t before) {
+    return text(after, " for ", before, " (", after < before ? "" : "+", after - before, ")");
+  };
+  return text("points: ", compared(size.points_after, size.points_before),
+              "; bytes of outlines: ", compared(size.bytes_after, size.bytes_before));
+}
+
 /// What changed, in some ten lines.
 std::string summary(const Request& request, const RestyleRequest& restyle, const Font& font,
                     const glyphs::RestyleResult& result) {
@@ -235,6 +244,7 @@ std::string summary(const Request& request, const RestyleRequest& restyle, const
     out += text("worst area error after rounding: ", rounded(100.0 * area_error(*worst), 2), " %, in ", worst->name,
                 " (", exact(worst->area_target), " wished, ", exact(worst->area_after), " got)\n");
     out += text("segments kept bit for bit: ", kept, " of ", segments, "\n");
+    out += what_was_added(result.size()) + "\n";
   }
   out += what_changed(font, result.font);
   if (!result.font.dropped_instructions.empty() || !result.font.moved_composites.empty())

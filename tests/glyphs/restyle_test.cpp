@@ -7,9 +7,11 @@
 #include "fontcore/measure.h"
 #include "glyphs/error.h"
 #include "glyphs/font_file.h"
+#include "glyphs/ufo.h"
 #include "tests/bundled_fonts.h"
 #include "tests/catch.h"
 #include "tests/glyphs/made_font.h"
+#include "tests/glyphs/sfnt_bytes.h"
 #include "tests/shapes.h"
 
 using namespace glyphs;
@@ -566,4 +568,51 @@ TEST_CASE("the report has the keys that others rely on, a line a glyph", "[resty
   }
   CHECK(json["glyphs"][0]["dropped"].size() == 1);
   CHECK(text.find("\n    {\"name\":\"s\"") != std::string::npos);
+}
+
+TEST_CASE("the report counts points and bytes as they are in the files, and what was added", "[restyle]") {
+  for (const std::string& path : {bundled_ttf[2], bundled_otf[2]}) {
+    CAPTURE(path);
+    const Font font = load_font(path);
+    Recipe recipe;
+    recipe.steps = {SmoothStep{.scale = 0.03 * font.units_per_em}};
+    recipe.emission = glyphs::Emission::Compact;
+    recipe.tolerance = 0.001 * font.units_per_em;
+    // With all composites of these letters, whose instructions go.
+    recipe.glyphs = "gid:0";
+    for (const int id : glyphs::dependents(font, glyphs::select_glyphs(font, "U+0041-005A"))) {
+      recipe.glyphs += ",gid:" + std::to_string(id);
+    }
+    const RestyleResult result = restyle(font, recipe);
+    const Font after = glyphs::load_font_bytes("after", result.font.data);
+    for (const GlyphReport& glyph : result.glyphs) {
+      CAPTURE(glyph.name);
+      const auto id = static_cast<std::size_t>(glyph.glyph);
+      CHECK(glyph.size.points_before == point_count(font.glyphs[id].contours));
+      CHECK(glyph.size.points_after == point_count(after.glyphs[id].contours));
+    }
+    // What is left over is padding and offsets.
+    const auto table = [&](const glyphs::Bytes& file) {
+      return static_cast<double>(
+          sfnt_bytes::tables_of(file).at(font.format == glyphs::OutlineFormat::Cff ? "CFF " : "glyf").size());
+    };
+    const glyphs::OutlineSize size = result.size();
+    CHECK(size.points_after < size.points_before);
+    CHECK(static_cast<double>(size.bytes_after - size.bytes_before) ==
+          Approx(table(result.font.data) - table(*font.data)).margin(3.0 * result.changed() + 8.0));
+    const auto json = nlohmann::json::parse(report_json(font, result));
+    CHECK(json.at("points_before") == size.points_before);
+    CHECK(json.at("bytes_after") == size.bytes_after);
+    std::int64_t bytes = 0;
+    for (const auto& glyph : json.at("glyphs")) bytes += glyph.at("bytes_after").get<std::int64_t>();
+    CHECK(bytes == size.bytes_after);
+  }
+  const glyphs::WrittenFont ufo = glyphs::extract_ufo(load_font(bundled_ttf[0]));
+  const Font font = glyphs::load_ufo("u.ufo", *ufo.folder);
+  Recipe recipe = recipe_of(step_at({300, 300}, {20, 0}, 500));
+  recipe.glyphs = "a,s";
+  const RestyleResult result = restyle(font, recipe);
+  CHECK(result.glyphs[0].size.bytes_before == static_cast<std::int64_t>(ufo.folder->at("glyphs/a.glif").size()));
+  CHECK(result.glyphs[0].size.bytes_after == static_cast<std::int64_t>(result.font.folder->at("glyphs/a.glif").size()));
+  CHECK(result.size().points_after == result.size().points_before);
 }
