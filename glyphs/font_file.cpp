@@ -290,6 +290,14 @@ std::vector<std::int64_t> glyph_bytes(const Font& font, const WrittenFont& writt
 
 WrittenFont extract_ufo(const Font& font) { return written(build_ufo(font)); }
 
+void require_kind(const Font& font, const std::string& output) {
+  const FileKind own = kind_of(font);
+  const FileKind kind = file_kind(output);
+  if (kind == own || (font.format == OutlineFormat::None && kind == FileKind::OpenType)) return;
+  throw RequestError(
+      text(output, ": ", font.path, " keeps its kind of outlines, so the output's ending is ", ending_of(own)));
+}
+
 WrittenFont write_font(const Font& font, const EditedGlyphs& edited, const WriteOptions& options) {
   if (font.format == OutlineFormat::Ufo) return written(write_ufo(font, edited, options));
   return write_sfnt(font, edited, options);

@@ -61,6 +61,10 @@ FileKind file_kind(const std::string& path);
 ///         only, or outlines of CFF2 that do not vary.
 FileKind kind_of(const Font& font);
 
+/// Throws  RequestError if an edited font cannot be written under that path, whose ending is not that of `kind_of`; as
+///         `kind_of` and `file_kind` do.
+void require_kind(const Font& font, const std::string& output);
+
 /// The font with the given glyphs' outlines replaced and nothing else changed, by `write_sfnt` or `write_ufo`.
 WrittenFont write_font(const Font& font, const EditedGlyphs& edited, const WriteOptions& options = {});
 

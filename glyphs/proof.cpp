@@ -53,6 +53,12 @@ Inked shifted(Inked inked, const Point& by) {
   return inked;
 }
 
+Inked scaled(Inked inked, double by) {
+  inked.to_page.linear *= by;
+  inked.to_page.shift *= by;
+  return inked;
+}
+
 std::vector<Inked> shifted(std::vector<Inked> inked, const Point& by) {
   for (Inked& one : inked) one = shifted(one, by);
   return inked;
@@ -65,6 +71,9 @@ Box box_of(const std::vector<Inked>& inked) {
       for (int i = 0; i < contour.point_count(); ++i) box.add(one.to_page(contour.point(i)));
   return box;
 }
+
+/// Outlines by glyph id; they stay where they are when the map is moved.
+using ComposedGlyphs = std::map<int, std::vector<BezierContour>>;
 
 /// The composed outlines of a font, each composed once.
 class Outlines {
@@ -85,10 +94,12 @@ class Outlines {
     inked.to_page.shift = inked.to_page.linear * origin;
     return inked;
   }
+  /// All that were composed; nothing can be inked any more.
+  ComposedGlyphs take() && { return std::move(composed_); }
 
  private:
   const Font* font_;
-  std::map<int, std::vector<BezierContour>> composed_;
+  ComposedGlyphs composed_;
 };
 
 /// A line of text as ink, and the room it takes: its advance, its ink, and ascender to descender.
@@ -393,22 +404,30 @@ constexpr double label_size = 13.0;  ///< pixels per em
 constexpr double label_room = 20.0;  ///< height of a row of labels, pixels
 constexpr double level_step = 2e-3;  ///< between the points of a level's curve, em
 
-/// A word in the proofed font's own outlines, so that no other font is needed; nothing if the font lacks its letters.
-/// Gives where the next word may begin.
-double add_label(Scene& scene, Outlines& outlines, const std::string& word, const Point& baseline,
-                 const Colour& colour) {
-  const InkedLine line = ink_line(outlines, word, label_size, {});
-  if (!line.is_complete) return baseline.x();
-  scene.items.push_back(Fill{shifted(line.inked, baseline), colour});
-  const double end = baseline.x() + line.box.high.x();
+/// A word in the proofed font's own outlines, so that no other font is needed.
+InkedLine ink_label(Outlines& outlines, const std::string& word) { return ink_line(outlines, word, label_size, {}); }
+
+/// Nothing if the font lacks letters of the label. Gives where the next word may begin.
+double add_label(Scene& scene, const InkedLine& label, const Point& baseline, const Colour& colour) {
+  if (!label.is_complete) return baseline.x();
+  scene.items.push_back(Fill{shifted(label.inked, baseline), colour});
+  const double end = baseline.x() + label.box.high.x();
   scene.width = std::max(scene.width, end + margin);
   return end + 0.6 * label_size;
 }
 
-void add_overlay_label(Scene& scene, Outlines& outlines, const Point& baseline) {
-  double x = add_label(scene, outlines, "overlaid:", baseline, label_colour);
-  x = add_label(scene, outlines, "went", Point(x, baseline.y()), went_colour);
-  add_label(scene, outlines, "came", Point(x, baseline.y()), came_colour);
+struct OverlayLabel {
+  explicit OverlayLabel(Outlines& outlines)
+      : head(ink_label(outlines, "overlaid:")), went(ink_label(outlines, "went")), came(ink_label(outlines, "came")) {}
+  InkedLine head;
+  InkedLine went;
+  InkedLine came;
+};
+
+void add_label(Scene& scene, const OverlayLabel& label, const Point& baseline) {
+  double x = add_label(scene, label.head, baseline, label_colour);
+  x = add_label(scene, label.went, Point(x, baseline.y()), went_colour);
+  add_label(scene, label.came, Point(x, baseline.y()), came_colour);
 }
 
 /// Every contour of a glyph at the level for features longer than `scale`; what has no inside has no levels.
@@ -429,9 +448,9 @@ LevelCurves level_curves(const Inked& inked, double scale, double units_per_em) 
 }
 
 /// Nodes, levels and crossings on top of the ink.
-void add_marks(Scene& scene, const std::vector<Inked>& inked, const Font& font, const ProofOptions& options) {
+void add_marks(Scene& scene, const std::vector<Inked>& inked, double units_per_em, const ProofOptions& options) {
   for (const Inked& one : inked) {
-    if (options.level) scene.items.push_back(level_curves(one, *options.level, font.units_per_em));
+    if (options.level) scene.items.push_back(level_curves(one, *options.level, units_per_em));
     if (options.nodes) scene.items.push_back(Nodes{one});
     if (options.crossings)
       for (const fontcore::Crossing& crossing : fontcore::find_crossings(*one.contours))
@@ -509,22 +528,22 @@ Bytes draw_proof(const Font& font, const std::optional<Font>& against, const std
     for (const std::string& line : lines) {
       const InkedLine after = ink_line(now, line, pixels_per_em, options.shaping);
       if (!old) {
-        if (top == margin) add_label(scene, now, name, label_at(), label_colour);
+        if (top == margin) add_label(scene, ink_label(now, name), label_at(), label_colour);
         const std::vector<Inked> row = shifted(after.inked, add_row(after.box));
         scene.items.push_back(Fill{row, ink_colour});
-        add_marks(scene, row, font, options);
+        add_marks(scene, row, font.units_per_em, options);
         continue;
       }
       const InkedLine before = ink_line(*old, line, pixels_per_em, options.shaping);
       Box room = before.box;
       room.add(after.box);
-      add_label(scene, *old, "before", label_at(), label_colour);
+      add_label(scene, ink_label(*old, "before"), label_at(), label_colour);
       scene.items.push_back(Fill{shifted(before.inked, add_row(room)), ink_colour});
-      add_label(scene, *old, "after", label_at(), label_colour);
+      add_label(scene, ink_label(*old, "after"), label_at(), label_colour);
       const std::vector<Inked> row = shifted(after.inked, add_row(room));
       scene.items.push_back(Fill{row, ink_colour});
-      add_marks(scene, row, font, options);
-      add_overlay_label(scene, *old, label_at());
+      add_marks(scene, row, font.units_per_em, options);
+      add_label(scene, OverlayLabel(*old), label_at());
       const Point origin = add_row(room);
       scene.items.push_back(Overlay{shifted(before.inked, origin), shifted(after.inked, origin)});
     }
@@ -533,80 +552,130 @@ Bytes draw_proof(const Font& font, const std::optional<Font>& against, const std
   });
 }
 
-Bytes draw_glyph_proof(const Font& font, const std::optional<Font>& against, const std::vector<int>& glyphs,
-                       ProofFormat format, const ProofOptions& options) {
-  check_options(options);
-  if (glyphs.empty()) throw RequestError("proof: no glyph to draw");
+struct GlyphProof::Section {
+  struct Cell {
+    std::optional<Inked> before;  ///< in ems, as all here
+    Inked after;
+    double advance = 0.0;
+    InkedLine label;
+  };
+  double units_per_em = 0.0;
+  std::vector<Cell> cells;
+  std::optional<OverlayLabel> overlay;
+  std::optional<InkedLine> title;
+  std::array<ComposedGlyphs, 2> outlines;  ///< what is inked
+};
+
+GlyphProof::GlyphProof(const ProofOptions& options) : options_(options) { check_options(options); }
+
+GlyphProof::~GlyphProof() = default;
+
+void GlyphProof::add(const Font& font, const Font* against, const std::vector<int>& glyphs, const std::string& title) {
   const auto name_in = [](const Font& in, int glyph) {
     if (glyph < 0 || glyph >= static_cast<int>(in.glyphs.size()))
       throw RequestError(fontcore::text(in.path, ": there is no glyph gid:", glyph));
     return in.glyphs[static_cast<std::size_t>(glyph)].name;
   };
-  for (const int glyph : glyphs) {
-    const std::string name = name_in(font, glyph);
-    if (against && name_in(*against, glyph) != name)
-      throw RequestError(fontcore::text(against->path, ": glyph gid:", glyph, " is ", name_in(*against, glyph),
-                                        ", but in ", font.path, " it is ", name));
-  }
   Outlines now(font);
   std::optional<Outlines> old;
-  if (against) old.emplace(*against);
+  if (against != nullptr) old.emplace(*against);
   Outlines& labels = old ? *old : now;
+  auto section = std::make_unique<Section>();
+  section->units_per_em = font.units_per_em;
+  for (const int glyph : glyphs) {
+    const std::string name = name_in(font, glyph);
+    if (old && name_in(*against, glyph) != name)
+      throw RequestError(fontcore::text(against->path, ": glyph gid:", glyph, " is ", name_in(*against, glyph),
+                                        ", but in ", font.path, " it is ", name));
+    Section::Cell& cell = section->cells.emplace_back();
+    cell.after = now.ink(glyph, Point::Zero(), 1.0);
+    if (old) cell.before = old->ink(glyph, Point::Zero(), 1.0);
+    cell.advance = font.glyphs[static_cast<std::size_t>(glyph)].advance / font.units_per_em;
+    cell.label = ink_label(labels, name);
+  }
+  if (old) section->overlay.emplace(*old);
+  if (!title.empty()) section->title = ink_label(labels, title);
+  section->outlines[0] = std::move(now).take();
+  if (old) section->outlines[1] = std::move(*old).take();
+  sections_.push_back(std::move(section));
+}
 
-  return draw(format, options.pixels_per_em, [&](double pixels_per_em) {
-    struct Cell {
-      std::vector<Inked> before;
-      std::vector<Inked> after;
-      Box box;
+Bytes GlyphProof::draw(ProofFormat format) const {
+  const bool is_empty = std::ranges::all_of(sections_, [](const auto& section) { return section->cells.empty(); });
+  if (is_empty) throw RequestError("proof: no glyph to draw");
+
+  return glyphs::draw(format, options_.pixels_per_em, [&](double pixels_per_em) {
+    struct Grid {
+      std::vector<Box> boxes;      // of each cell, its origin at (0, 0)
+      Point step = Point::Zero();  // from cell to cell
+      double above = 0.0;          // most that any reaches above its baseline
     };
-    std::vector<Cell> cells;
-    Point size(0.0, 0.0);  // of the largest cell
-    double above = 0.0;    // most that any reaches above its baseline
-    double below = 0.0;
-    for (const int glyph : glyphs) {
-      Cell cell;
-      cell.after.push_back(now.ink(glyph, Point::Zero(), pixels_per_em));
-      if (old) cell.before.push_back(old->ink(glyph, Point::Zero(), pixels_per_em));
-      cell.box = box_of(cell.after);
-      cell.box.add(box_of(cell.before));
-      const double advance = font.glyphs[static_cast<std::size_t>(glyph)].advance * pixels_per_em / font.units_per_em;
-      cell.box.add(Point::Zero());
-      cell.box.add(Point(advance, 0.0));
-      const InkedLine label = ink_line(labels, font.glyphs[static_cast<std::size_t>(glyph)].name, label_size, {});
-      size.x() = std::max({size.x(), cell.box.high.x() - cell.box.low.x(), label.box.high.x()});
-      above = std::max(above, -cell.box.low.y());
-      below = std::max(below, cell.box.high.y());
-      cells.push_back(std::move(cell));
+    std::vector<Grid> grids;
+    double area = 0.0;
+    for (const auto& section : sections_) {
+      Grid grid;
+      double width = 0.0;
+      double below = 0.0;
+      for (const Section::Cell& cell : section->cells) {
+        Box box = box_of({scaled(cell.after, pixels_per_em)});
+        if (cell.before) box.add(box_of({scaled(*cell.before, pixels_per_em)}));
+        box.add(Point::Zero());
+        box.add(Point(cell.advance * pixels_per_em, 0.0));
+        width = std::max({width, box.high.x() - box.low.x(), cell.label.box.high.x()});
+        grid.above = std::max(grid.above, -box.low.y());
+        below = std::max(below, box.high.y());
+        grid.boxes.push_back(box);
+      }
+      grid.step = Point(width + gap, grid.above + below + label_room + gap);
+      area += static_cast<double>(grid.boxes.size()) * grid.step.x() * grid.step.y();
+      grids.push_back(std::move(grid));
     }
-    size.y() = above + below + label_room;
 
     // As wide as a screen, or as a square where there is more.
-    const auto count = static_cast<double>(cells.size());
-    const double step_x = size.x() + gap;
-    const double step_y = size.y() + gap;
-    const double columns =
-        std::clamp(std::floor(std::max(1600.0, std::sqrt(count * step_x * step_y)) / step_x), 1.0, count);
+    const double wished_width = std::max(1600.0, std::sqrt(area));
     Scene scene;
-    const double head = old ? label_room + gap : 0.0;
-    scene.width = 2.0 * margin + columns * step_x - gap;
-    scene.height = 2.0 * margin + head + std::ceil(count / columns) * step_y - gap;
-    if (old) add_overlay_label(scene, *old, Point(margin, margin + 0.5 * label_size));
-    for (std::size_t i = 0; i < cells.size(); ++i) {
-      const double column = std::fmod(static_cast<double>(i), columns);
-      const double row = std::floor(static_cast<double>(i) / columns);
-      const Point corner(margin + column * step_x, margin + head + row * step_y);
-      const Point origin = corner + Point(-cells[i].box.low.x(), above);
-      const std::vector<Inked> after = shifted(cells[i].after, origin);
-      if (old)
-        scene.items.push_back(Overlay{shifted(cells[i].before, origin), after});
-      else
-        scene.items.push_back(Fill{after, ink_colour});
-      add_marks(scene, after, font, options);
-      add_label(scene, labels, font.glyphs[static_cast<std::size_t>(glyphs[i])].name,
-                corner + Point(0.0, size.y() - 0.3 * label_size), label_colour);
+    double top = margin;
+    if (const auto& overlay = sections_.front()->overlay) {
+      add_label(scene, *overlay, Point(margin, margin + 0.5 * label_size));
+      top += label_room + gap;
     }
+    for (std::size_t k = 0; k < grids.size(); ++k) {
+      const Section& section = *sections_[k];
+      const auto& [boxes, step, above] = grids[k];
+      if (section.title) {
+        add_label(scene, *section.title, Point(margin, top + 0.5 * label_size), label_colour);
+        top += label_room + gap;
+      }
+      if (boxes.empty()) continue;
+      const auto count = static_cast<double>(boxes.size());
+      const double columns = std::clamp(std::floor(wished_width / step.x()), 1.0, count);
+      scene.width = std::max(scene.width, 2.0 * margin + columns * step.x() - gap);
+      for (std::size_t i = 0; i < boxes.size(); ++i) {
+        const Section::Cell& cell = section.cells[i];
+        const double column = std::fmod(static_cast<double>(i), columns);
+        const double row = std::floor(static_cast<double>(i) / columns);
+        const Point corner(margin + column * step.x(), top + row * step.y());
+        const Point origin = corner + Point(-boxes[i].low.x(), above);
+        const std::vector<Inked> after{shifted(scaled(cell.after, pixels_per_em), origin)};
+        if (cell.before)
+          scene.items.push_back(Overlay{{shifted(scaled(*cell.before, pixels_per_em), origin)}, after});
+        else
+          scene.items.push_back(Fill{after, ink_colour});
+        add_marks(scene, after, section.units_per_em, options_);
+        add_label(scene, cell.label, corner + Point(0.0, step.y() - gap - 0.3 * label_size), label_colour);
+      }
+      top += std::ceil(count / columns) * step.y();
+    }
+    scene.height = top - gap + margin;
     return scene;
   });
+}
+
+Bytes draw_glyph_proof(const Font& font, const std::optional<Font>& against, const std::vector<int>& glyphs,
+                       ProofFormat format, const ProofOptions& options) {
+  GlyphProof proof(options);
+  proof.add(font, against ? &*against : nullptr, glyphs);
+  return proof.draw(format);
 }
 
 }  // namespace glyphs

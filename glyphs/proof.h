@@ -1,5 +1,6 @@
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -48,7 +49,33 @@ Coverage draw_coverage(const Font& font, int glyph, double pixels_per_em, int wi
 Bytes draw_proof(const Font& font, const std::optional<Font>& against, const std::string& text, ProofFormat format,
                  const ProofOptions& options = {});
 
-/// The same for a list of glyphs, each in a cell of its own with its name: before and after overlaid.
+/// A picture of glyphs of one font or of several, a section each. What is shown of a font is taken when it is added, so
+/// that the font may go.
+class GlyphProof {
+ public:
+  /// Throws  RequestError if a level is no length.
+  explicit GlyphProof(const ProofOptions& options = {});
+  GlyphProof(const GlyphProof&) = delete;
+  GlyphProof& operator=(const GlyphProof&) = delete;
+  ~GlyphProof();
+
+  /// The glyphs in the order of the list, each in a cell of its own with its name: with `against`, which is the font
+  /// before, both overlaid. A title stands above them, if the font has its letters.
+  ///
+  /// Throws  RequestError if a glyph does not exist, or has another name in `against`; FontReadError if one cannot be
+  ///         composed.
+  void add(const Font& font, const Font* against, const std::vector<int>& glyphs, const std::string& title = "");
+
+  /// Throws  RequestError if nothing was added, or more than one picture holds.
+  Bytes draw(ProofFormat format) const;
+
+ private:
+  struct Section;
+  ProofOptions options_;
+  std::vector<std::unique_ptr<Section>> sections_;
+};
+
+/// One section without a title, by `GlyphProof`.
 ///
 /// Throws  RequestError if the list is empty, a glyph does not exist, or has another name in `against`.
 Bytes draw_glyph_proof(const Font& font, const std::optional<Font>& against, const std::vector<int>& glyphs,

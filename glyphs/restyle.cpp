@@ -860,12 +860,6 @@ OutlineSize& OutlineSize::operator+=(const OutlineSize& other) {
   return *this;
 }
 
-OutlineSize RestyleResult::size() const {
-  OutlineSize sum;
-  for (const GlyphReport& glyph : glyphs) sum += glyph.size;
-  return sum;
-}
-
 int RestyleResult::changed() const {
   return static_cast<int>(std::count_if(glyphs.begin(), glyphs.end(), [](const GlyphReport& g) { return g.changed; }));
 }
@@ -910,16 +904,18 @@ void check_recipe(const Font& font, const Recipe& recipe, const std::vector<int>
 
 }  // namespace
 
-RestyleResult restyle(const Font& font, const Recipe& recipe, const RestyleOptions& options) {
+std::vector<int> glyphs_to_restyle(const Font& font, const Recipe& recipe, const RestyleOptions& options) {
   kind_of(font);  // what cannot be written is refused before it is worked on
   std::vector<int> selected = select_glyphs(font, recipe.glyphs);
   check_recipe(font, recipe, selected);
-  if (options.only) {
-    std::vector<int> both;
-    std::set_intersection(selected.begin(), selected.end(), options.only->begin(), options.only->end(),
-                          std::back_inserter(both));
-    selected = std::move(both);
-  }
+  if (!options.only) return selected;
+  std::vector<int> both;
+  std::ranges::set_intersection(selected, *options.only, std::back_inserter(both));
+  return both;
+}
+
+RestyleResult restyle(const Font& font, const Recipe& recipe, const RestyleOptions& options) {
+  const std::vector<int> selected = glyphs_to_restyle(font, recipe, options);
   const bool finds_zones = recipe.keep.zones_auto && !recipe.steps.empty() && !selected.empty();
   const std::vector<double> zones = finds_zones ? alignment_zones(font) : std::vector<double>{};
   std::vector<GlyphResult> results(selected.size());
@@ -947,6 +943,14 @@ RestyleResult restyle(const Font& font, const Recipe& recipe, const RestyleOptio
   result.font = write_font(font, edited, writing);
   const std::vector<std::int64_t> bytes_before = glyph_bytes(font);
   const std::vector<std::int64_t> bytes_after = glyph_bytes(font, result.font);
+  for (const Glyph& glyph : font.glyphs) {
+    const auto id = static_cast<std::size_t>(glyph.id);
+    const std::int64_t points = stored_points(glyph.contours);
+    result.size.points_before += points;
+    result.size.points_after += result.font.emptied.count(glyph.id) > 0 ? 0 : points;
+    result.size.bytes_before += bytes_before[id];
+    result.size.bytes_after += bytes_after[id];
+  }
   for (GlyphReport& report : result.glyphs) {
     report.size.bytes_before = bytes_before[static_cast<std::size_t>(report.glyph)];
     report.size.bytes_after = bytes_after[static_cast<std::size_t>(report.glyph)];
@@ -961,9 +965,23 @@ RestyleResult restyle(const Font& font, const Recipe& recipe, const RestyleOptio
       report.refused = text("comes out empty: ", emptied->second);
       report.amount = 0.0;
       report.size.points_after = 0;
+    } else {
+      result.size.points_after += report.size.points_after - report.size.points_before;
     }
   }
   return result;
+}
+
+std::vector<std::string> refusals(const Font& font, const RestyleResult& result) {
+  std::vector<std::string> refused;
+  for (const auto& [id, why] : result.font.emptied) {
+    const bool is_reported = std::ranges::count(result.glyphs, id, &GlyphReport::glyph) > 0;
+    if (!is_reported) refused.push_back(text(font.glyphs[static_cast<std::size_t>(id)].name, " (", why, ")"));
+  }
+  for (const GlyphReport& glyph : result.glyphs) {
+    if (!glyph.refused.empty()) refused.push_back(text(glyph.name, " (", glyph.refused, ")"));
+  }
+  return refused;
 }
 
 std::string report_json(const Font& font, const RestyleResult& result) {
@@ -976,7 +994,7 @@ std::string report_json(const Font& font, const RestyleResult& result) {
   const auto pair = [](const Point& p) { return Json::array({p.x(), p.y()}); };
   std::vector<int> emptied;
   for (const auto& [id, why] : result.font.emptied) emptied.push_back(id);
-  const OutlineSize size = result.size();
+  const OutlineSize& size = result.size;
   Json head = {{"version", 1},
                {"unitsPerEm", font.units_per_em},
                {"changed", result.changed()},

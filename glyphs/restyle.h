@@ -94,16 +94,24 @@ struct RestyleOptions {
 struct RestyleResult {
   WrittenFont font;
   std::vector<GlyphReport> glyphs;  ///< selected glyphs, by id
+  OutlineSize size;                 ///< of all glyphs of the font: composites change with their parts
   int changed() const;
   int refused() const;
-  OutlineSize size() const;  ///< of these glyphs together
 };
+
+/// The glyphs that `restyle` works on, sorted.
+///
+/// Throws  RequestError as `restyle` does.
+std::vector<int> glyphs_to_restyle(const Font& font, const Recipe& recipe, const RestyleOptions& options = {});
 
 /// Throws  RequestError if a step names a glyph or a contour that does not exist or was not selected, or as `kind_of`
 /// does; FontWriteError as `write_font` does.
 RestyleResult restyle(const Font& font, const Recipe& recipe, const RestyleOptions& options = {});
 
-/// The report of CLI.md, as JSON text; same result, same bytes.
+/// Glyphs that were refused or come out empty, selected or not, each as "name (why)".
+std::vector<std::string> refusals(const Font& font, const RestyleResult& result);
+
+/// The report as JSON text; same result, same bytes.
 std::string report_json(const Font& font, const RestyleResult& result);
 
 }  // namespace glyphs

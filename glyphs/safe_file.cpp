@@ -76,6 +76,7 @@ bool remove_tree(int parent, const char* name, int depth = 0) noexcept {
 struct TemporaryName {
   std::atomic<bool> is_taken{false};
   std::atomic<bool> is_live{false};
+  std::atomic<bool> is_shared{false};  ///< a folder that others may use: it goes only if it is empty
   char path[PATH_MAX] = "";
   TemporaryName* next = nullptr;
 };
@@ -94,11 +95,27 @@ TemporaryName& take_name() {
   return *fresh;
 }
 
+/// How many threads are putting files in place; a signal that comes meanwhile waits in `late_signal`.
+std::atomic<int> commits{0};
+std::atomic<int> late_signal{0};
+static_assert(std::atomic<int>::is_always_lock_free);
+
 /// Removes the temporary files and lets the signal do what it would have done. Async-signal-safe.
 extern "C" void glyphwave_remove_temporaries(int signal) {
+  if (commits.load() > 0) {
+    late_signal = signal;
+    return;
+  }
   const int saved = errno;
   for (TemporaryName* name = temporary_names.load(); name; name = name->next) {
-    if (name->is_live.load()) remove_tree(AT_FDCWD, name->path);
+    if (name->is_live.load() && !name->is_shared.load()) remove_tree(AT_FDCWD, name->path);
+  }
+  for (bool has_removed = true; has_removed;) {  // one shared folder may be in another
+    has_removed = false;
+    for (TemporaryName* name = temporary_names.load(); name; name = name->next) {
+      const bool is_shared = name->is_live.load() && name->is_shared.load();
+      if (is_shared && ::rmdir(name->path) == 0) has_removed = true;
+    }
   }
   std::signal(signal, SIG_DFL);
   std::raise(signal);
@@ -140,6 +157,18 @@ class SignalGuard {
   static inline int count_ = 0;
   static inline std::array<struct sigaction, signals_.size()> previous_{};
   static inline std::array<bool, signals_.size()> is_ours_{};
+};
+
+/// While one lives, signals of a `SignalGuard` wait.
+class Commit {
+ public:
+  Commit() { ++commits; }
+  Commit(const Commit&) = delete;
+  Commit& operator=(const Commit&) = delete;
+  ~Commit() {
+    if (--commits > 0) return;
+    if (const int signal = late_signal.exchange(0)) std::raise(signal);
+  }
 };
 
 // ---- files
@@ -284,13 +313,10 @@ int adopt(int file, const struct stat& old) {
 /// A file or a folder beside its target, flushed and closed, that goes away unless it is put in place.
 class Staged {
  public:
-  Staged(const Target& target, const PendingFile& content) : target_(target), name_(take_name()) {
+  template <typename Content>
+  Staged(const Target& target, const Content& content) : target_(target), name_(&take_name()) {
     try {
-      if (target.is_folder) {
-        stage(*content.folder);
-      } else {
-        stage(content.data);
-      }
+      stage(content);
     } catch (...) {
       remove();
       throw;
@@ -300,19 +326,46 @@ class Staged {
   Staged& operator=(const Staged&) = delete;
   ~Staged() { remove(); }
 
-  void put_in_place() {
-    // Opened first, so that what can fail fails before the old file is gone. If the folder cannot be flushed, a crash
-    // may bring the old file back, whole: that is no reason to say that nothing was written.
-    const Descriptor folder(::open(folder_of(target_.file).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-    if (target_.is_folder) {
+  /// With a way back what was there is kept until `settle`.
+  void put_in_place(bool has_way_back) {
+    if (target_.is_folder || has_way_back) {
       exchange();
-    } else if (::rename(name_.path, target_.file.c_str()) != 0) {
+    } else if (::rename(name_->path, place()) != 0) {
       fail(target_.path, errno);
     } else {
-      name_.is_live = false;
+      holds_ = Holds::Nothing;
+      name_->is_live = false;
     }
+  }
+
+  /// Empty, or what could not be put back and where it is.
+  std::string put_back() {
+    int result = 0;
+    if (holds_ == Holds::Old) {
+      result = ::renameat2(AT_FDCWD, name_->path, AT_FDCWD, place(), RENAME_EXCHANGE);
+      if (result != 0 && cannot_exchange(errno)) {
+        if (target_.is_folder) remove_tree(AT_FDCWD, place());  // ours; a folder takes the place of an empty one only
+        result = rename_back();
+      }
+    } else if (holds_ == Holds::Nothing) {
+      result = ::rename(place(), name_->path);
+      name_->is_live = result == 0;
+    }
+    if (result == 0) {
+      holds_ = Holds::New;
+      return "";
+    }
+    const std::string why = std::generic_category().message(errno);
+    if (holds_ == Holds::Nothing) return text(target_.path, " could not be taken out again: ", why);
+    name_->is_live = false;  // the only copy
+    return text(target_.path, " could not be put back: ", why, ", what it was is in ", name_->path);
+  }
+
+  /// If the folder cannot be flushed, a crash may bring the old file back, whole: that is no reason to say that nothing
+  /// was written.
+  void settle() const {
+    const Descriptor folder(::open(folder_of(target_.file).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
     if (folder.number() >= 0) flush(folder.number());
-    remove();  // of a folder's place what was there before
   }
 
  private:
@@ -339,7 +392,7 @@ class Staged {
   void stage(const Bytes& data) {
     // A new file gets its mode from the umask; one that replaces an old file is private until it has the old mode.
     const mode_t mode = target_.old ? 0600 : 0666;
-    Descriptor file(create(name_, [&](const char* path) {
+    Descriptor file(create(*name_, [&](const char* path) {
       return ::open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOCTTY, mode);
     }));
     if (const int error = write_all(file.number(), data)) fail(target_.path, error);
@@ -355,9 +408,9 @@ class Staged {
   void stage(const Folder& files) {
     const bool has_old = target_.old && S_ISDIR(target_.old->st_mode);
     const mode_t mode = has_old ? 0700 : 0777;
-    create(name_, [&](const char* path) { return ::mkdir(path, mode); });
+    create(*name_, [&](const char* path) { return ::mkdir(path, mode); });
     constexpr int as_folder = O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC;
-    const Descriptor root(::open(name_.path, as_folder));
+    const Descriptor root(::open(name_->path, as_folder));
     if (root.number() < 0) fail(target_.path, errno);
     const Descriptor old(has_old ? ::open(target_.file.c_str(), as_folder) : -1);
     const auto old_status = [&](const std::string& inside) -> std::optional<struct stat> {
@@ -411,70 +464,99 @@ class Staged {
     if (!is_inside) fail(target_.path, text("\"", path, "\" is no path within it"));
   }
 
-  /// Puts the staged folder in its place, and what was there in its.
+  const char* place() const { return target_.file.c_str(); }
+  static bool cannot_exchange(int error) { return error == EINVAL || error == ENOSYS || error == ENOTSUP; }
+
+  /// Whether what is there may give way.
+  bool may_give_way(const char* path) const {
+    if (target_.is_folder) return is_replaceable(path);
+    struct stat status {};
+    return ::lstat(path, &status) == 0 && S_ISREG(status.st_mode);
+  }
+  [[noreturn]] void refuse_place() const {
+    fail(target_.path, target_.is_folder ? not_a_ufo : "what is there is no longer a regular file");
+  }
+
+  /// Puts what is staged in its place, and what was there in its.
   void exchange() {
-    const char* place = target_.file.c_str();
     bool is_taken = target_.old.has_value();
     constexpr int attempts = 100;  // others may write there, too
     for (int i = 0; i < attempts; ++i, is_taken = !is_taken) {
-      if (is_taken && !is_replaceable(target_.file) && ::access(place, F_OK) == 0) fail(target_.path, not_a_ufo);
-      if (::renameat2(AT_FDCWD, name_.path, AT_FDCWD, place, is_taken ? RENAME_EXCHANGE : RENAME_NOREPLACE) == 0) {
+      if (is_taken && !may_give_way(place()) && ::access(place(), F_OK) == 0) refuse_place();
+      const unsigned how = is_taken ? RENAME_EXCHANGE : RENAME_NOREPLACE;
+      if (::renameat2(AT_FDCWD, name_->path, AT_FDCWD, place(), how) == 0) {
         if (!is_taken) {
-          name_.is_live = false;
-        } else if (!is_replaceable(name_.path)) {
+          holds_ = Holds::Nothing;
+          name_->is_live = false;
+        } else if (may_give_way(name_->path)) {
+          holds_ = Holds::Old;
+        } else {
           // Something else was put there meanwhile: back with it.
-          ::renameat2(AT_FDCWD, name_.path, AT_FDCWD, place, RENAME_EXCHANGE);
-          fail(target_.path, not_a_ufo);
+          ::renameat2(AT_FDCWD, name_->path, AT_FDCWD, place(), RENAME_EXCHANGE);
+          refuse_place();
         }
         return;
       }
-      if (errno == EINVAL || errno == ENOSYS || errno == ENOTSUP) return rename_aside();
+      if (cannot_exchange(errno)) return rename_aside();
       if (errno != (is_taken ? ENOENT : EEXIST)) fail(target_.path, errno);
     }
     fail(target_.path, EBUSY);
   }
 
-  /// The same where a file system cannot exchange: for a moment nothing is in the place.
+  /// The same where a file system cannot exchange. Without links nothing is in the place for a moment.
   void rename_aside() {
-    const char* place = target_.file.c_str();
-    TemporaryName& aside = take_name();
-    const auto release = [&](const char* what) {
-      if (what != nullptr) remove_tree(AT_FDCWD, what);
-      aside.is_live = false;
-      aside.is_taken = false;
+    if (::access(place(), F_OK) == 0 && !may_give_way(place())) refuse_place();
+    const auto set_aside = [&](const char* path) {
+      if (!target_.is_folder) {
+        if (::link(place(), path) == 0) return true;
+        if (errno == EEXIST || errno == ENOENT) return false;
+      }
+      return ::rename(place(), path) == 0;
     };
-    bool is_aside = false;
+    TemporaryName* aside = &take_name();
+    bool has_old = false;
     try {
-      create(aside, [&](const char* path) {
-        aside.is_live = false;  // a signal must not take the old folder along
-        is_aside = ::rename(place, path) == 0;
-        return is_aside || errno == ENOENT ? 0 : -1;
+      create(*aside, [&](const char* path) {
+        has_old = set_aside(path);
+        return has_old || errno == ENOENT ? 0 : -1;
       });
     } catch (...) {
-      release(nullptr);
+      aside->is_taken = false;
       throw;
     }
-    if (::rename(name_.path, place) != 0) {
-      const int error = errno;
-      if (is_aside) ::rename(aside.path, place);
-      release(nullptr);
-      fail(target_.path, error);
+    std::swap(name_, aside);  // what is staged is under the other name now
+    std::string failure;
+    if (::rename(aside->path, place()) != 0) {
+      failure = std::generic_category().message(errno);
+      if (has_old && rename_back() != 0) failure += text(", and what it was is in ", name_->path);
+      std::swap(name_, aside);
+    } else {
+      holds_ = has_old ? Holds::Old : Holds::Nothing;
+      name_->is_live = has_old;
     }
-    name_.is_live = false;
-    release(is_aside ? aside.path : nullptr);
+    aside->is_live = false;
+    aside->is_taken = false;
+    if (!failure.empty()) fail(target_.path, failure);
+  }
+
+  /// What is under the temporary name back in the place; 0, or -1 and the error in errno.
+  int rename_back() const {
+    if (::rename(name_->path, place()) != 0) return -1;
+    ::unlink(name_->path);  // two links of one file both stay
+    return 0;
   }
 
   void remove() {
-    if (is_released_) return;  // the name may be another's by now
-    if (name_.is_live) remove_tree(AT_FDCWD, name_.path);
-    name_.is_live = false;
-    name_.is_taken = false;
-    is_released_ = true;
+    if (name_->is_live) remove_tree(AT_FDCWD, name_->path);
+    name_->is_live = false;
+    name_->is_taken = false;
   }
 
+  enum class Holds { New, Old, Nothing };
+
   const Target& target_;
-  TemporaryName& name_;
-  bool is_released_ = false;
+  TemporaryName* name_;
+  Holds holds_ = Holds::New;  // what lies under the temporary name
 };
 
 /// Refuses two outputs that are one file, and one that lies in a folder that is written.
@@ -499,23 +581,122 @@ void require_distinct(const std::vector<Target>& targets) {
 
 }  // namespace
 
-void write_files(const std::vector<PendingFile>& files) {
+struct OutputBatch::State {
   std::vector<Target> targets;
-  targets.reserve(files.size());
-  for (const PendingFile& file : files) {
-    targets.push_back(file.folder ? find_folder_target(file.path) : find_target(file.path));
+  std::optional<SignalGuard> guard;
+  std::vector<std::unique_ptr<Staged>> staged;
+  std::vector<std::pair<const Target*, Bytes>> direct;
+};
+
+OutputBatch::OutputBatch(const std::vector<Output>& outputs) : state_(std::make_unique<State>()) {
+  for (const Output& output : outputs) {
+    state_->targets.push_back(output.is_folder ? find_folder_target(output.path) : find_target(output.path));
   }
-  require_distinct(targets);
-  const SignalGuard guard;
-  std::vector<std::unique_ptr<Staged>> prepared;
-  for (std::size_t i = 0; i < files.size(); ++i) {
-    if (!targets[i].is_direct) prepared.push_back(std::make_unique<Staged>(targets[i], files[i]));
-  }
-  for (std::size_t i = 0; i < files.size(); ++i) {
-    if (targets[i].is_direct) write_directly(targets[i], files[i].data);
-  }
-  for (const auto& file : prepared) file->put_in_place();
+  require_distinct(state_->targets);
+  state_->guard.emplace();
 }
+
+OutputBatch::~OutputBatch() = default;
+
+void OutputBatch::stage(std::size_t output, Bytes data) {
+  const Target& target = state_->targets.at(output);
+  if (target.is_direct) {
+    state_->direct.emplace_back(&target, std::move(data));
+  } else {
+    state_->staged.push_back(std::make_unique<Staged>(target, data));
+  }
+}
+
+void OutputBatch::stage(std::size_t output, const Folder& folder) {
+  state_->staged.push_back(std::make_unique<Staged>(state_->targets.at(output), folder));
+}
+
+void OutputBatch::put_in_place() {
+  for (const auto& [target, data] : state_->direct) write_directly(*target, data);
+  const Commit commit;
+  auto& staged = state_->staged;
+  for (std::size_t i = 0; i < staged.size(); ++i) {
+    try {
+      staged[i]->put_in_place(i + 1 < staged.size());
+    } catch (const FontWriteError& error) {
+      std::string lost;
+      while (i-- > 0) {
+        if (const std::string why = staged[i]->put_back(); !why.empty()) lost += "; " + why;
+      }
+      if (lost.empty()) throw;
+      throw FontWriteError(error.what() + lost);
+    }
+  }
+  for (const auto& one : staged) one->settle();
+  staged.clear();  // with them what was there before
+}
+
+void write_files(const std::vector<PendingFile>& files) {
+  std::vector<Output> outputs;
+  outputs.reserve(files.size());
+  for (const PendingFile& file : files) outputs.push_back({file.path, file.folder.has_value()});
+  OutputBatch batch(outputs);
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    if (files[i].folder) {
+      batch.stage(i, *files[i].folder);
+    } else {
+      batch.stage(i, files[i].data);
+    }
+  }
+  batch.put_in_place();
+}
+
+struct OutputFolder::State {
+  SignalGuard guard;
+  std::vector<TemporaryName*> made;
+
+  void make(const std::string& path) {
+    TemporaryName& name = take_name();
+    if (path.size() >= sizeof name.path) {
+      name.is_taken = false;
+      fail(path, ENAMETOOLONG);
+    }
+    std::memcpy(name.path, path.c_str(), path.size() + 1);
+    name.is_shared = true;
+    if (::mkdir(path.c_str(), 0777) == 0) {
+      name.is_live = true;
+      made.push_back(&name);
+      return;
+    }
+    const int error = errno;
+    name.is_shared = false;
+    name.is_taken = false;
+    if (error != EEXIST) fail(path, error);
+  }
+
+  ~State() {
+    for (auto name = made.rbegin(); name != made.rend(); ++name) {
+      ::rmdir((*name)->path);
+      (*name)->is_live = false;
+      (*name)->is_shared = false;
+      (*name)->is_taken = false;
+    }
+  }
+};
+
+OutputFolder::OutputFolder(const std::string& path) : state_(std::make_unique<State>()) {
+  if (path.empty()) fail("output", "the path is empty");
+  struct stat status {};
+  if (::stat(path.c_str(), &status) == 0) {
+    if (!S_ISDIR(status.st_mode)) fail(path, ENOTDIR);
+    return;
+  }
+  if (errno != ENOENT) fail(path, errno);
+  for (std::size_t at = 1; at != std::string::npos;) {
+    at = path.find('/', at);
+    state_->make(path.substr(0, at));
+    if (at != std::string::npos) at = path.find_first_not_of('/', at);
+  }
+  if (::stat(path.c_str(), &status) != 0) fail(path, errno);
+  if (!S_ISDIR(status.st_mode)) fail(path, ENOTDIR);
+}
+
+OutputFolder::~OutputFolder() = default;
 
 void write_file(const std::string& path, const Bytes& data) { write_files({{path, data}}); }
 

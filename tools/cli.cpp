@@ -74,9 +74,9 @@ struct Options {
   bool no_progress = false;
   std::string output;
   std::vector<std::string> locations;
+  std::vector<std::string> words;  ///< of restyle, behind the first font
   commands::RestyleRequest restyle;
-  std::string family_recipe;
-  std::string output_dir;
+  commands::FamilyRequest family;
   commands::SimplifyRequest simplify;
   commands::ConvertRequest convert;
   commands::ProofRequest proof;
@@ -97,28 +97,53 @@ CLI::Option* add_output(CLI::App& app, Options& options, const char* help) {
 /// Options and commands that CLI users know and this version lacks are refused by name, not as unknown.
 [[noreturn]] void refuse(const std::string& what) { throw RequestError(what + ": not in this version"); }
 
+Outcome restyle(const Options& options) {
+  if (!options.family.output_dir.empty())
+    throw RequestError("restyle: --output-dir is where a family goes, which takes its recipe by --recipe");
+  if (options.words.empty()) throw RequestError("restyle: RECIPE is required");
+  if (options.words.size() > 1)
+    throw RequestError("restyle: " + options.words[1] +
+                       ": one FONT and one RECIPE are expected; a family takes its recipe by --recipe");
+  if (options.output.empty()) throw RequestError("restyle: --output is required");
+  commands::RestyleRequest request = options.restyle;
+  request.recipe = options.words[0];
+  request.output = options.output;
+  return commands::restyle(options.request, request);
+}
+
+Outcome restyle_family(const Options& options) {
+  if (!options.output.empty()) throw RequestError("restyle: --output is for one font; a family goes to --output-dir");
+  if (options.family.output_dir.empty()) throw RequestError("restyle: --recipe needs --output-dir, where the fonts go");
+  for (const std::string& word : options.words)
+    if (word.ends_with(".json"))
+      throw RequestError("restyle: " + word + ": with --recipe all words are fonts, and there is one recipe for all");
+  commands::FamilyRequest request = options.family;
+  request.fonts = options.words;
+  request.fonts.insert(request.fonts.begin(), options.request.font);
+  request.report = options.restyle.report;
+  request.proof = options.restyle.proof;
+  request.strict = options.restyle.strict;
+  return commands::restyle_family(options.request, request);
+}
+
 constexpr std::array<Command, 7> table{{
     {"inspect", "per glyph and contour: points, segments, corners, model, area, length", [](CLI::App&, Options&) {},
      [](const Options& options) { return commands::inspect(options.request); }},
-    {"restyle", "apply a recipe to a font or a UFO",
+    {"restyle",
+     "apply a recipe to a font or a UFO: restyle FONT RECIPE -o OUT; or to a family: restyle --recipe RECIPE "
+     "--output-dir DIR FONT...",
      [](CLI::App& app, Options& options) {
-       app.add_option("RECIPE", options.restyle.recipe, "the recipe, JSON");
+       app.add_option("RECIPE", options.words, "the recipe, JSON; with --recipe the other fonts of the family");
        add_output(app, options, "the new font, .ttf, .otf or .ufo as FONT; may be FONT itself");
+       app.add_option("--recipe", options.family.recipe, "the recipe for a family");
+       app.add_option(
+           "--output-dir", options.family.output_dir,
+           "where a family goes, each font under its own name; made if it is missing, may be the fonts' own");
        app.add_option("--report", options.restyle.report, "what became of every glyph, JSON");
        app.add_option("--proof", options.restyle.proof, "changed glyphs before and after, .png, .pdf or .svg");
        app.add_flag("--strict", options.restyle.strict, "any refused glyph: exit status 1 and no output");
-       app.add_option("--recipe", options.family_recipe)->group("");
-       app.add_option("--output-dir", options.output_dir)->group("");
      },
-     [](const Options& options) {
-       if (!options.family_recipe.empty()) refuse("restyle --recipe");
-       if (!options.output_dir.empty()) refuse("restyle --output-dir");
-       if (options.restyle.recipe.empty()) throw RequestError("restyle: RECIPE is required");
-       if (options.output.empty()) throw RequestError("restyle: --output is required");
-       commands::RestyleRequest restyle = options.restyle;
-       restyle.output = options.output;
-       return commands::restyle(options.request, restyle);
-     }},
+     [](const Options& options) { return options.family.recipe.empty() ? restyle(options) : restyle_family(options); }},
     {"simplify", "outlines in the fewest lines and curves within a tolerance",
      [](CLI::App& app, Options& options) {
        add_output(app, options, "the new font, .ttf, .otf or .ufo as FONT, .otf with cubics; may be FONT itself")
@@ -168,7 +193,8 @@ void add_common_options(CLI::App& app, Options& options) {
   Request& request = options.request;
   app.add_option("FONT", request.font, "a font: TTF, OTF, TTC, OTC, WOFF, WOFF2 or a UFO folder")->required();
   app.add_option("--glyphs", request.glyphs,
-                 "names, code points and ranges (U+0041-005A), gid:12, @file; comma separated; repeatable");
+                 "names, code points and ranges (U+0041-005A), gid:12, @file; comma separated; repeatable")
+      ->allow_extra_args(false);
   app.add_option("--text", request.text, "the glyphs that setting this text needs");
   app.add_option("--features", request.shaping.features, "OpenType features for --text: smcp,-liga");
   app.add_option("--script", request.shaping.script, "script for --text: Latn");
@@ -179,7 +205,8 @@ void add_common_options(CLI::App& app, Options& options) {
   app.add_flag("--json", request.json, "the result as JSON on standard output");
   app.add_flag("-q,--quiet", request.quiet, "no progress, no summary");
   app.add_flag("--no-progress", options.no_progress, "no progress");
-  app.add_option("--location", options.locations, "where in a variable font to look: wght=650,wdth=80");
+  app.add_option("--location", options.locations, "where in a variable font to look: wght=650,wdth=80")
+      ->allow_extra_args(false);
 }
 
 Outcome run(const Command& command, Options& options) {

@@ -9,6 +9,7 @@
 
 #include "glyphs/convert.h"
 #include "glyphs/error.h"
+#include "glyphs/family.h"
 #include "glyphs/font_file.h"
 #include "glyphs/inspect.h"
 #include "glyphs/proof.h"
@@ -66,15 +67,19 @@ auto naming(const std::string& file, const Work& work) {
   }
 }
 
-/// The font that is meant.
-Font load(const Request& request) {
+glyphs::LoadOptions load_options(const Request& request) {
   glyphs::LoadOptions options{.face = request.face};
   if (!request.location.empty()) options.location = glyphs::parse_location(request.location);
-  return glyphs::load_font(request.font, options);
+  return options;
 }
 
+/// The font that is meant.
+Font load(const Request& request) { return glyphs::load_font(request.font, load_options(request)); }
+
+bool has_selection(const Request& request) { return request.text || !request.glyphs.empty(); }
+
 std::vector<int> selected(const Request& request, const Font& font) {
-  return naming(request.font, [&] {
+  return naming(font.path, [&] {
     if (!request.text) return glyphs::select_glyphs(font, join(request.glyphs, ","));
     if (!request.glyphs.empty()) throw RequestError("--glyphs and --text cannot both select");
     return glyphs::glyphs_of_text(font, *request.text, request.shaping);
@@ -200,12 +205,12 @@ std::string what_changed(const Font& font, const glyphs::WrittenFont& written) {
   return out;
 }
 
-/// What glyphs take in their file now, and how much of it was added.
+/// What the outlines of a font take now, and how much of it was added.
 std::string what_was_added(const glyphs::OutlineSize& size) {
   const auto compared = [](std::int64_t after, std::int64_t before) {
     return text(after, " for ", before, " (", after < before ? "" : "+", after - before, ")");
   };
-  return text("points: ", compared(size.points_after, size.points_before),
+  return text("points in all: ", compared(size.points_after, size.points_before),
               "; bytes of outlines: ", compared(size.bytes_after, size.bytes_before));
 }
 
@@ -244,7 +249,7 @@ std::string summary(const Request& request, const RestyleRequest& restyle, const
     out += text("worst area error after rounding: ", rounded(100.0 * area_error(*worst), 2), " %, in ", worst->name,
                 " (", exact(worst->area_target), " wished, ", exact(worst->area_after), " got)\n");
     out += text("segments kept bit for bit: ", kept, " of ", segments, "\n");
-    out += what_was_added(result.size()) + "\n";
+    out += what_was_added(result.size) + "\n";
   }
   out += what_changed(font, result.font);
   if (!result.font.dropped_instructions.empty() || !result.font.moved_composites.empty())
@@ -262,21 +267,8 @@ std::string summary(const Request& request, const RestyleRequest& restyle, const
 
 }  // namespace
 
-namespace {
-
-/// Edited fonts keep their kind of outlines, and the ending that goes with it.
-void require_kind(const Font& font, glyphs::FileKind kind, const std::string& output) {
-  using glyphs::FileKind;
-  const FileKind own = glyphs::kind_of(font);
-  if (kind == own || (font.format == glyphs::OutlineFormat::None && kind == FileKind::OpenType)) return;
-  const char* const ending = own == FileKind::Ufo ? ".ufo" : own == FileKind::OpenType ? ".otf" : ".ttf";
-  throw RequestError(text(output, ": ", font.path, " keeps its kind of outlines, so the output's ending is ", ending));
-}
-
-}  // namespace
-
 Outcome restyle(const Request& request, const RestyleRequest& restyle) {
-  const glyphs::FileKind kind = glyphs::file_kind(restyle.output);
+  glyphs::file_kind(restyle.output);  // a wrong ending is refused before anything is read
   check_outputs({}, {restyle.output, restyle.report, restyle.proof});
   check_outputs({request.font, restyle.recipe}, {restyle.report, restyle.proof});
   check_outputs({restyle.recipe}, {restyle.output});
@@ -284,22 +276,15 @@ Outcome restyle(const Request& request, const RestyleRequest& restyle) {
 
   const glyphs::Recipe recipe = glyphs::load_recipe(restyle.recipe);
   const Font font = load(request);
-  require_kind(font, kind, restyle.output);
+  glyphs::require_kind(font, restyle.output);
 
   glyphs::RestyleOptions options;
   options.jobs = request.jobs;
-  if (request.text || !request.glyphs.empty()) options.only = selected(request, font);
+  if (has_selection(request)) options.only = selected(request, font);
   glyphs::RestyleResult result = naming(request.font, [&] { return glyphs::restyle(font, recipe, options); });
 
   if (restyle.strict && (result.refused() > 0 || !result.font.emptied.empty())) {
-    std::vector<std::string> refused;
-    const auto is_selected = [&](int id) {
-      return std::ranges::count(result.glyphs, id, &glyphs::GlyphReport::glyph) > 0;
-    };
-    for (const auto& [id, why] : result.font.emptied)
-      if (!is_selected(id)) refused.push_back(font.glyphs[static_cast<std::size_t>(id)].name + " (" + why + ")");
-    for (const glyphs::GlyphReport& glyph : result.glyphs)
-      if (!glyph.refused.empty()) refused.push_back(glyph.name + " (" + glyph.refused + ")");
+    const std::vector<std::string> refused = glyphs::refusals(font, result);
     return {"", text(request.font, ": ", count(refused.size(), "glyph"), " refused, nothing written: ", few(refused)),
             1};
   }
@@ -323,6 +308,84 @@ Outcome restyle(const Request& request, const RestyleRequest& restyle) {
   glyphs::write_files(files);
   if (request.json) return {report, "", 0};
   return {request.quiet ? "" : summary(request, restyle, font, result), "", 0};
+}
+
+namespace {
+
+/// One font of a family in a line, and its warnings.
+std::string family_line(const glyphs::FamilyFont& font) {
+  const std::vector<glyphs::GlyphReport>& reports = font.result.glyphs;
+  std::size_t reduced = 0;
+  std::size_t held_back = 0;
+  const glyphs::GlyphReport* widest = nullptr;
+  for (const glyphs::GlyphReport& glyph : reports) {
+    if (std::ranges::any_of(glyph.steps, [](const auto& step) { return !step.against.empty(); })) ++held_back;
+    if (!glyph.changed) continue;
+    if (glyph.amount < 1.0) ++reduced;
+    if (widest == nullptr || glyph.largest_displacement > widest->largest_displacement) widest = &glyph;
+  }
+  std::string out =
+      text(font.font, ": ", font.result.changed(), " of ", count(reports.size(), "selected glyph"), " changed");
+  if (widest != nullptr) {
+    out += text(", by at most ", rounded(widest->largest_displacement, 4), " of ", font.units_per_em,
+                " units per em, in ", widest->name);
+  }
+  if (reduced > 0) out += text("; ", reduced, " reduced so that nothing crosses");
+  if (held_back > 0) out += text("; rules stood against the move of ", held_back);
+  if (!font.refusals.empty()) out += "; refused, left as they were: " + few(font.refusals);
+  for (const std::string& warning : font.result.font.warnings) out += "\n  warning: " + warning;
+  return out + "\n";
+}
+
+std::string family_summary(const FamilyRequest& request, const glyphs::FamilyResult& family) {
+  std::string out;
+  int changed = 0;
+  std::size_t selected = 0;
+  std::size_t refused = 0;
+  glyphs::OutlineSize size;
+  for (const glyphs::FamilyFont& font : family.fonts) {
+    out += family_line(font);
+    changed += font.result.changed();
+    selected += font.result.glyphs.size();
+    refused += font.refusals.size();
+    size += font.result.size;
+  }
+  out += text(count(family.fonts.size(), "font"), ": ", changed, " of ", count(selected, "selected glyph"),
+              " changed by ", request.recipe, ", ", refused, " refused; ", what_was_added(size), "\n");
+  std::vector<std::string> written;
+  for (const glyphs::FamilyFont& font : family.fonts) written.push_back(font.name);
+  out += text("written: in ", request.output_dir, ": ", few(written));
+  for (const std::string& path : {request.report, request.proof})
+    if (!path.empty()) out += "; " + path;
+  return out + "\n";
+}
+
+}  // namespace
+
+Outcome restyle_family(const Request& request, const FamilyRequest& family) {
+  check_outputs({}, {family.report, family.proof});
+  std::vector<std::string> inputs = family.fonts;
+  inputs.push_back(family.recipe);
+  check_outputs(inputs, {family.report, family.proof});
+  if (request.text && !request.glyphs.empty()) throw RequestError("--glyphs and --text cannot both select");
+
+  glyphs::FamilyOptions options{.load = load_options(request), .jobs = request.jobs};
+  if (has_selection(request)) options.only = [&](const Font& font) { return selected(request, font); };
+  const glyphs::FamilyOutputs outputs{family.output_dir, family.report, family.proof, family.strict};
+  const glyphs::FamilyResult result =
+      glyphs::restyle_family_into(outputs, family.fonts, glyphs::load_recipe(family.recipe), options);
+
+  if (!result.is_written) {
+    std::size_t refused = 0;
+    std::vector<std::string> lists;
+    for (const glyphs::FamilyFont& font : result.fonts) {
+      refused += font.refusals.size();
+      if (!font.refusals.empty()) lists.push_back(font.font + ": " + few(font.refusals));
+    }
+    return {"", text(count(refused, "glyph"), " refused, nothing written: ", join(lists, "; ")), 1};
+  }
+  if (request.json) return {result.report, "", 0};
+  return {request.quiet ? "" : family_summary(family, result), "", 0};
 }
 
 namespace {
@@ -389,11 +452,11 @@ Outcome simplify(const Request& request, const SimplifyRequest& simplify) {
   const Font font = load(request);
   const glyphs::FileKind own = glyphs::simplified_kind(font, options.curve);
   if (own == glyphs::kind_of(font)) {
-    require_kind(font, kind, simplify.output);
+    glyphs::require_kind(font, simplify.output);
   } else if (kind != own) {
     throw RequestError(simplify.output + ": with cubics the font is an OpenType font, so the output's ending is .otf");
   }
-  if (request.text || !request.glyphs.empty()) options.only = selected(request, font);
+  if (has_selection(request)) options.only = selected(request, font);
   glyphs::SimplifyResult result = naming(request.font, [&] { return glyphs::simplify(font, options); });
 
   if (simplify.strict && (result.refused() > 0 || !result.font.emptied.empty())) {
@@ -422,7 +485,7 @@ Outcome convert(const Request& request, const ConvertRequest& convert) {
   options.tolerance = convert.tolerance.value_or(convert.fractional ? 0.0 : options.tolerance);
   if (kind == FileKind::Svg)
     options.glyphs = selected(request, font);
-  else if (request.text || !request.glyphs.empty())
+  else if (has_selection(request))
     throw RequestError(convert.output + ": every glyph is converted; --glyphs and --text choose that of an SVG");
   glyphs::ConvertedFont converted = glyphs::convert_font(font, kind, options);
   if (convert.strict && !converted.emptied.empty()) {

@@ -49,6 +49,17 @@ struct RestyleRequest {
 };
 Outcome restyle(const Request& request, const RestyleRequest& restyle);
 
+/// A family: all these fonts, `request.font` aside.
+struct FamilyRequest {
+  std::vector<std::string> fonts;
+  std::string recipe;
+  std::string output_dir;
+  std::string report;  ///< empty: none
+  std::string proof;   ///< empty: none
+  bool strict = false;
+};
+Outcome restyle_family(const Request& request, const FamilyRequest& family);
+
 struct SimplifyRequest {
   std::string output;
   std::string report;      ///< empty: none
