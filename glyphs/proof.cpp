@@ -643,6 +643,7 @@ Bytes GlyphProof::draw(ProofFormat format) const {
       const Section& section = *sections_[k];
       const auto& [boxes, step, above] = grids[k];
       if (section.title) {
+        top += k == 0 ? 0.0 : gap;
         add_label(scene, *section.title, Point(margin, top + 0.5 * label_size), label_colour);
         top += label_room + gap;
       }

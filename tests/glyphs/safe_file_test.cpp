@@ -1,13 +1,20 @@
 #include "glyphs/safe_file.h"
 
 #include <fcntl.h>
+#include <linux/filter.h>
+#include <linux/seccomp.h>
+#include <sys/prctl.h>
+#include <sys/ptrace.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <array>
 #include <cerrno>
 #include <csignal>
+#include <cstddef>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -372,6 +379,204 @@ TEST_CASE("many writers of one folder leave a whole one", "[safe_file]") {
   CHECK(written == std::string(1000, written.at(0)));
   CHECK(content(folder / "a.ufo/glyphs/b") == written);
   CHECK(folder.count() == 1);
+}
+
+namespace {
+
+/// The system calls of this process fail from now on with that error.
+void forbid(const std::vector<long>& calls, int error) {
+  ::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0);
+  for (const long call : calls) {
+    const auto number = static_cast<unsigned>(call);
+    const auto verdict = SECCOMP_RET_ERRNO | static_cast<unsigned>(error);
+    std::array<sock_filter, 4> filter{{BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(seccomp_data, nr)),
+                                       BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, number, 0, 1),
+                                       BPF_STMT(BPF_RET | BPF_K, verdict),
+                                       BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW)}};
+    const sock_fprog program{filter.size(), filter.data()};
+    if (::prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program) != 0) ::_exit(9);
+  }
+}
+
+/// What a file system may lack: nothing, an exchange of two names, links too.
+const std::vector<std::vector<long>> lacking{{},
+                                             {SYS_renameat2},
+                                             {SYS_renameat2, SYS_linkat
+#ifdef SYS_link
+                                              ,
+                                              SYS_link
+#endif
+                                             }};
+
+}  // namespace
+
+TEST_CASE("outputs are staged one by one and then put in place together", "[safe_file]") {
+  for (const auto& calls : lacking) {
+    const Folder folder;
+    write_file(folder / "a", std::string("old a"));
+    write_files({{folder / "u.ufo", {}, small_ufo}});
+    CHECK(run_child([&] {
+            forbid(calls, EINVAL);
+            glyphs::OutputBatch batch({{folder / "a"}, {folder / "b"}, {folder / "u.ufo", true}, {folder / "c"}});
+            batch.stage(0, Bytes{'n', 'e', 'w'});
+            batch.stage(1, Bytes{'n', 'e', 'w'});
+            batch.stage(2, glyphs::Folder{{"metainfo.plist", {'n'}}});
+            batch.stage(3, Bytes{'n', 'e', 'w'});
+            if (content(folder / "a") != "old a" || fs::exists(folder / "b")) ::_exit(3);
+            batch.put_in_place();
+          }) == 0);
+    for (const char* name : {"a", "b", "c"}) CHECK(content(folder / name) == "new");
+    CHECK(tree(folder / "u.ufo") == std::set<std::string>{"metainfo.plist=n"});
+    CHECK(folder.count() == 4);
+  }
+}
+
+TEST_CASE("if one output cannot be put in place, those before it are as they were", "[safe_file]") {
+  for (const auto& calls : lacking) {
+    for (const std::size_t failing : {0u, 1u, 2u, 3u, 4u}) {
+      CAPTURE(calls.size(), failing);
+      const Folder folder;
+      const std::vector<glyphs::Output> outputs{
+          {folder / "a"}, {folder / "b"}, {folder / "u.ufo", true}, {folder / "v.ufo", true}, {folder / "c"}};
+      write_file(folder / "a", std::string("old a"));
+      write_files({{folder / "u.ufo", {}, small_ufo}});
+      const std::set<std::string> old_ufo = tree(folder / "u.ufo");
+      // While the work goes on, another program puts a folder of its own in the place.
+      const std::string obstacle = outputs[failing].path;
+      CHECK(run_child([&] {
+              forbid(calls, EINVAL);
+              glyphs::OutputBatch batch(outputs);
+              for (std::size_t k = 0; k < outputs.size(); ++k) {
+                if (outputs[k].is_folder) {
+                  batch.stage(k, glyphs::Folder{{"metainfo.plist", {'n'}}});
+                } else {
+                  batch.stage(k, Bytes{'n', 'e', 'w'});
+                }
+              }
+              fs::remove_all(obstacle);
+              fs::create_directory(obstacle);
+              std::ofstream(obstacle + "/theirs") << "x";
+              batch.put_in_place();
+            }) == 2);
+      CHECK(content(obstacle + "/theirs") == "x");
+      if (failing != 0) CHECK(content(folder / "a") == "old a");
+      if (failing != 2) CHECK(tree(folder / "u.ufo") == old_ufo);
+      for (const char* absent : {"b", "v.ufo", "c"})
+        CHECK((folder / absent == obstacle) == fs::exists(folder / absent));
+      CHECK(folder.count() == (failing == 0 || failing == 2 ? 2 : 3));
+    }
+  }
+}
+
+namespace {
+
+/// Does the work in a child that gets a signal as it is about to exchange two names for the nth time; how it ended.
+template <typename Work>
+int interrupt_at(int nth, int signal, Work work) {
+  const pid_t child = ::fork();
+  if (child == 0) {
+    std::signal(SIGTERM, SIG_DFL);
+    ::ptrace(PTRACE_TRACEME, 0, nullptr, nullptr);
+    std::raise(SIGSTOP);
+    work();
+    ::_exit(0);
+  }
+  int status = 0;
+  ::waitpid(child, &status, 0);
+  REQUIRE(WIFSTOPPED(status));
+  REQUIRE(::ptrace(PTRACE_SETOPTIONS, child, nullptr, PTRACE_O_TRACESYSGOOD | PTRACE_O_EXITKILL) == 0);
+  long delivered = 0;
+  for (int seen = 0; WIFSTOPPED(status); delivered = 0) {
+    __ptrace_syscall_info call{};
+    if (WSTOPSIG(status) == (SIGTRAP | 0x80)) {
+      ::ptrace(PTRACE_GET_SYSCALL_INFO, child, sizeof call, &call);
+      const bool is_exchange = call.op == PTRACE_SYSCALL_INFO_ENTRY && call.entry.nr == SYS_renameat2;
+      if (is_exchange && seen++ == nth) ::kill(child, signal);
+    } else if (WSTOPSIG(status) != SIGSTOP) {
+      delivered = WSTOPSIG(status);
+    }
+    ::ptrace(PTRACE_SYSCALL, child, nullptr, delivered);
+    ::waitpid(child, &status, 0);
+  }
+  return WIFSIGNALED(status) ? 1000 + WTERMSIG(status) : WEXITSTATUS(status);
+}
+
+}  // namespace
+
+TEST_CASE("between two renames a signal waits, and a kill leaves each output whole, old or new", "[safe_file]") {
+  for (const int signal : {SIGTERM, SIGKILL}) {
+    for (int nth = 0; nth < 4; ++nth) {
+      CAPTURE(signal, nth);
+      const Folder folder;
+      const std::vector<glyphs::Output> outputs{
+          {folder / "a"}, {folder / "b"}, {folder / "u.ufo", true}, {folder / "c"}, {folder / "d"}};
+      for (const char* name : {"a", "b", "c", "d"}) write_file(folder / name, std::string("old"));
+      write_files({{folder / "u.ufo", {}, small_ufo}});
+      const std::set<std::string> old_ufo = tree(folder / "u.ufo");
+      CHECK(interrupt_at(nth, signal, [&] {
+              glyphs::OutputBatch batch(outputs);
+              for (const std::size_t k : {0u, 1u, 3u, 4u}) batch.stage(k, Bytes{'n', 'e', 'w'});
+              batch.stage(2, glyphs::Folder{{"metainfo.plist", {'n'}}});
+              batch.put_in_place();
+            }) == 1000 + signal);
+      int fresh = 0;
+      for (const char* name : {"a", "b", "c", "d"}) {
+        const std::string found = content(folder / name);
+        CHECK((found == "old" || found == "new"));
+        fresh += found == "new" ? 1 : 0;
+      }
+      const bool has_new_ufo = tree(folder / "u.ufo") != old_ufo;
+      if (has_new_ufo) CHECK(tree(folder / "u.ufo") == std::set<std::string>{"metainfo.plist=n"});
+      if (signal == SIGTERM) {
+        CHECK(fresh == 4);
+        CHECK(has_new_ufo);
+        CHECK(folder.count() == 5);
+      } else {
+        CHECK(fresh == nth);
+      }
+    }
+  }
+}
+
+TEST_CASE("a folder for outputs is made with those above it, and goes again if nothing came", "[safe_file]") {
+  const Folder folder;
+  {
+    const glyphs::OutputFolder made(folder / "x/y//z/");
+    CHECK(fs::is_directory(folder / "x/y/z"));
+  }
+  CHECK(folder.count() == 0);
+  {
+    const glyphs::OutputFolder made(folder / "x/y");
+    write_file(folder / "x/y/a", std::string("a"));
+  }
+  CHECK(content(folder / "x/y/a") == "a");
+  { const glyphs::OutputFolder there(folder / "x"); }
+  { const glyphs::OutputFolder there(folder / "x/y"); }
+  CHECK(content(folder / "x/y/a") == "a");
+  const auto refused = [](const std::string& path) {
+    return message_of<FontWriteError>([&] { const glyphs::OutputFolder made(path); });
+  };
+  CHECK(refused(folder / "x/y/a") == folder / "x/y/a: cannot be written: Not a directory");
+  CHECK(refused(folder / "n/x/../../x/y/a/b").ends_with("Not a directory"));
+  CHECK(refused("") == "output: cannot be written: the path is empty");
+  CHECK(folder.count() == 1);
+
+  REQUIRE(::mkfifo((folder / "pipe").c_str(), 0600) == 0);
+  const pid_t child = ::fork();
+  if (child == 0) {
+    std::signal(SIGTERM, SIG_DFL);
+    const glyphs::OutputFolder made(folder / "p/q");
+    write_files({{folder / "p/q/file", {1}}, {folder / "pipe", {1}}});  // nobody reads the pipe
+    ::_exit(0);
+  }
+  for (int i = 0; i < 2000 && !(fs::exists(folder / "p/q") && !fs::is_empty(folder / "p/q")); ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  ::kill(child, SIGTERM);
+  int status = 0;
+  REQUIRE(::waitpid(child, &status, 0) == child);
+  CHECK(WIFSIGNALED(status));
+  CHECK_FALSE(fs::exists(folder / "p"));
 }
 
 TEST_CASE("closed standard descriptors are opened on nothing", "[safe_file]") {
