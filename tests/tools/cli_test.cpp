@@ -103,6 +103,14 @@ void check_refusal(const Run& run, const std::vector<std::string>& words) {
   for (const std::string& word : words) CHECK_THAT(run.err, Catch::Contains(word));
 }
 
+/// All files below a folder, by their paths in it.
+std::map<std::string, std::string> tree(const fs::path& folder) {
+  std::map<std::string, std::string> files;
+  for (const auto& entry : fs::recursive_directory_iterator(folder))
+    if (entry.is_regular_file()) files[fs::relative(entry.path(), folder).string()] = contents(entry.path());
+  return files;
+}
+
 const std::string& serif = bundled_ttf[0];
 const std::string letters_list = "U+0041-005A,U+0061-007A";
 
@@ -150,8 +158,6 @@ TEST_CASE("what this version does not have yet is refused by name", "[cli]") {
   check_refusal(glyphwave({"inspect", serif, "--location", ""}), {"--location", "names no place"});
   check_refusal(glyphwave({"inspect", serif, "--location", "wght=1", "--location", "wght=2"}), {"one place at a time"});
   const Folder folder;
-  check_refusal(glyphwave({"restyle", "--recipe", "r.json", "--output-dir", folder / "out", serif}),
-                {"restyle --recipe", "not in this version"});
   put(folder / "r.json", recipe_for("a", 1));
   check_refusal(glyphwave({"restyle", serif, folder / "r.json", "-o", folder / "o.otf"}), {"o.otf"});
   CHECK(folder.files() == std::vector<std::string>{"r.json"});
@@ -231,6 +237,106 @@ TEST_CASE("outputs are written all or none", "[cli]") {
   CHECK(folder.files() == std::vector<std::string>{"r.json"});
 }
 
+TEST_CASE("a family is restyled by one recipe, each font as alone", "[cli]") {
+  const Folder folder;
+  REQUIRE(glyphwave({"convert", bundled_otf[0], folder / "Cabin.ufo", "-q"}).status == 0);
+  put(folder / "r.json", R"({"glyphs": "U+0061-007A", "unit": "em/1000", "steps": [{"op": "smooth", "scale": 150}]})");
+  const std::vector<std::string> fonts{bundled_ttf[0], bundled_otf[2], folder / "Cabin.ufo"};
+  const auto restyle = [&](const std::string& out, const std::vector<std::string>& more) {
+    std::vector<std::string> arguments{"restyle", "--recipe", folder / "r.json", "--output-dir", folder / out};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    arguments.insert(arguments.end(), fonts.begin(), fonts.end());
+    return glyphwave(arguments);
+  };
+  const Run one = restyle("one", {"--report", folder / "one.json", "--proof", folder / "one.pdf", "-j", "1"});
+  CAPTURE(one.out, one.err);
+  REQUIRE(one.status == 0);
+  CHECK(one.err.empty());
+  CHECK(std::count(one.out.begin(), one.out.end(), '\n') == 5);  // a line a font, the sum, what was written
+  CHECK_THAT(one.out, Catch::Contains(fonts[2] + ": ") && Catch::Contains("3 fonts: ") &&
+                          Catch::Contains(" of 78 selected glyphs changed") && Catch::Contains("0 refused"));
+  const Run two =
+      restyle("two/deep", {"--report", folder / "two.json", "--proof", folder / "two.pdf", "-j", "2", "-q"});
+  REQUIRE(two.status == 0);
+  CHECK(two.out.empty());
+  CHECK(tree(folder / "one") == tree(folder / "two/deep"));
+  CHECK(contents(folder / "one.json") == contents(folder / "two.json"));
+  CHECK(contents(folder / "one.pdf") == contents(folder / "two.pdf"));
+  CHECK(restyle("two/deep", {"--json"}).out == contents(folder / "one.json"));
+  for (const std::string& font : fonts) {
+    CAPTURE(font);
+    const std::string name = fs::path(font).filename().string();
+    const std::string alone = folder / ("alone" + fs::path(font).extension().string());
+    REQUIRE(glyphwave({"restyle", font, folder / "r.json", "-o", alone, "-q"}).status == 0);
+    if (fs::is_directory(alone)) {
+      CHECK(tree(alone) == tree(folder / "one/" + name));
+    } else {
+      CHECK(contents(alone) == contents(folder / "one/" + name));
+    }
+  }
+  const Run narrowed = restyle("o", {"--glyphs", "o", "--glyphs", "n", "--json"});
+  REQUIRE(narrowed.status == 0);
+  for (const auto& font : json::parse(narrowed.out)["fonts"]) CHECK(font["glyphs"].size() == 2);
+  CHECK(json::parse(restyle("t", {"--text", "oo", "--json"}).out)["fonts"][1]["glyphs"][0]["name"] == "o");
+}
+
+TEST_CASE("a font of a family whose ending is not that of its outlines is refused", "[cli]") {
+  const Folder folder;
+  put(folder / "r.json", R"({"steps": []})");
+  fs::copy_file(serif, folder / "F.otf");
+  check_refusal(glyphwave({"restyle", "--recipe", folder / "r.json", "--output-dir", folder / "x", folder / "F.otf"}),
+                {"F.otf", "the output's ending is .ttf"});
+  CHECK_FALSE(fs::exists(folder / "x"));
+}
+
+TEST_CASE("a family that is refused in one font is refused in one line, and nothing is written", "[cli]") {
+  const Folder folder;
+  put(folder / "r.json", recipe_for("a", 1));
+  put(folder / "broken.ttf", "no font");
+  fs::create_directory(folder / "old");
+  put(folder / "old/LiberationSerif-Regular.ttf", "old");
+  const std::string recipe = folder / "r.json";
+  const std::string old = folder / "old";
+  const auto family = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> arguments{"restyle", "--recipe", recipe};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return glyphwave(arguments);
+  };
+  check_refusal(family({"--output-dir", old}), {"FONT"});
+  check_refusal(family({serif}), {"--recipe needs --output-dir"});
+  check_refusal(glyphwave({"restyle", serif, recipe, "--output-dir", old}), {"--output-dir", "--recipe"});
+  check_refusal(glyphwave({"restyle", serif, recipe, bundled_ttf[1], "-o", folder / "o.ttf"}),
+                {"LiberationSerif-Bold.ttf", "--recipe"});
+  check_refusal(family({"--output-dir", old, serif, recipe}), {"r.json", "one recipe"});
+  check_refusal(family({"--output-dir", old, serif, "-o", folder / "o.ttf"}), {"--output", "--output-dir"});
+  check_refusal(family({"--output-dir", old, serif, folder / "broken.ttf", folder / "missing.otf"}),
+                {"broken.ttf", "missing.otf"});
+  check_refusal(family({"--output-dir", old, serif, serif}), {"would both be"});
+  check_refusal(family({"--output-dir", old, serif, "--report", recipe}), {"r.json", "would overwrite"});
+  check_refusal(family({"--output-dir", old, serif, "--report", folder / "x", "--proof", folder / "x"}), {"x"});
+  check_refusal(family({"--output-dir", old, serif, "--report", old + "/LiberationSerif-Regular.ttf"}),
+                {"LiberationSerif-Regular.ttf"});
+  check_refusal(family({"--output-dir", old, serif, "--proof", folder / "p.bmp"}), {"p.bmp"});
+  check_refusal(family({"--output-dir", old, serif, "--proof", folder / "none/p.png"}), {"none/p.png"});
+  check_refusal(family({"--output-dir", recipe, serif}), {"r.json", "Not a directory"});
+  check_refusal(family({"--output-dir", folder / "new/x", serif, "--glyphs", "nosuch"}), {serif, "nosuch"});
+  put(folder / "s.json", R"({"glyphs": "a,b", "keep": {"freeze": [{"glyph": "longs", "from": [0, 0], "to": [9, 9]}]},
+      "steps": []})");
+  check_refusal(glyphwave({"restyle", "--recipe", folder / "s.json", "--output-dir", old, serif, bundled_ttf[1]}),
+                {serif, bundled_ttf[1], "longs"});
+  CHECK(contents(old + "/LiberationSerif-Regular.ttf") == "old");
+  CHECK(folder.files() == std::vector<std::string>{"broken.ttf", "old", "r.json", "s.json"});
+
+  put(folder / "r.json", recipe_for("a,adieresis", 1));
+  const Run strict = family({"--output-dir", old, serif, bundled_ttf[1], "--strict"});
+  CHECK(strict.status == 1);
+  CHECK(strict.out.empty());
+  CHECK_THAT(strict.err, Catch::Contains("2 glyphs refused, nothing written: ") && Catch::Contains("adieresis ("));
+  CHECK(std::count(strict.err.begin(), strict.err.end(), '\n') == 1);
+  CHECK(contents(old + "/LiberationSerif-Regular.ttf") == "old");
+  CHECK(fs::exists(old + "/LiberationSerif-Bold.ttf") == false);
+}
+
 TEST_CASE("restyle gives font, report and proof, the same for every number of threads", "[cli]") {
   const Folder folder;
   put(folder / "r.json", recipe_for("a,o,e,n", 1));
@@ -251,14 +357,6 @@ TEST_CASE("restyle gives font, report and proof, the same for every number of th
   CHECK(report["version"] == 1);
   CHECK(report["glyphs"].size() == 4);
   CHECK(glyphwave({"inspect", folder / "1.ttf", "--glyphs", "a,o,e,n"}).status == 0);
-}
-
-/// All files below a folder, by their paths in it.
-std::map<std::string, std::string> tree(const fs::path& folder) {
-  std::map<std::string, std::string> files;
-  for (const auto& entry : fs::recursive_directory_iterator(folder))
-    if (entry.is_regular_file()) files[fs::relative(entry.path(), folder).string()] = contents(entry.path());
-  return files;
 }
 
 TEST_CASE("convert makes OpenType of TrueType, UFOs of both, an SVG of a glyph", "[cli]") {
