@@ -651,21 +651,26 @@ struct OutputFolder::State {
   std::vector<TemporaryName*> made;
 
   void make(const std::string& path) {
+    if (::access(path.c_str(), F_OK) == 0) return;
     TemporaryName& name = take_name();
-    if (path.size() >= sizeof name.path) {
+    const auto forget = [&] {
+      name.is_live = false;
+      name.is_shared = false;
       name.is_taken = false;
+    };
+    if (path.size() >= sizeof name.path) {
+      forget();
       fail(path, ENAMETOOLONG);
     }
     std::memcpy(name.path, path.c_str(), path.size() + 1);
     name.is_shared = true;
+    name.is_live = true;  // before it exists, so that a signal in between cannot leave it behind
     if (::mkdir(path.c_str(), 0777) == 0) {
-      name.is_live = true;
       made.push_back(&name);
       return;
     }
     const int error = errno;
-    name.is_shared = false;
-    name.is_taken = false;
+    forget();
     if (error != EEXIST) fail(path, error);
   }
 

@@ -34,8 +34,7 @@ std::string join(const std::vector<std::string>& parts, const char* separator) {
 }
 
 /// The first few of a list of names, and how many more there are.
-std::string few(const std::vector<std::string>& names) {
-  constexpr std::size_t shown = 8;
+std::string few(const std::vector<std::string>& names, std::size_t shown = 8) {
   std::vector<std::string> first(names.begin(),
                                  names.begin() + static_cast<std::ptrdiff_t>(std::min(shown, names.size())));
   return names.empty() ? "none"
@@ -332,7 +331,8 @@ std::string family_line(const glyphs::FamilyFont& font) {
   }
   if (reduced > 0) out += text("; ", reduced, " reduced so that nothing crosses");
   if (held_back > 0) out += text("; rules stood against the move of ", held_back);
-  if (!font.refusals.empty()) out += "; refused, left as they were: " + few(font.refusals);
+  if (!font.refusals.empty())
+    out += text("; ", font.refusals.size(), " refused, left as they were: ", few(font.refusals, 2));
   for (const std::string& warning : font.result.font.warnings) out += "\n  warning: " + warning;
   return out + "\n";
 }

@@ -1,5 +1,7 @@
 #include "glyphs/family.h"
 
+#include <woff2/encode.h>
+
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -178,6 +180,27 @@ TEST_CASE("two fonts of one name, or one over another, are refused", "[family]")
   CHECK_THAT(refused(folder / "b", {folder / "a/H.ttf", folder / "b/F.ttf"}), Catch::Contains("would overwrite"));
   CHECK(content(folder / "b/F.ttf") == content(bundled_ttf[0]));
   CHECK_FALSE(fs::exists(folder / "out"));
+}
+
+TEST_CASE("a web font of a family gets the ending of what it becomes", "[family]") {
+  const Folder folder;
+  const glyphs::Bytes font = content(bundled_otf[0]);
+  glyphs::Bytes packed(woff2::MaxWOFF2CompressedSize(font.data(), font.size()));
+  std::size_t size = packed.size();
+  REQUIRE(woff2::ConvertTTFToWOFF2(font.data(), font.size(), packed.data(), &size));
+  packed.resize(size);
+  glyphs::write_file(folder / "F.1.woff2", packed);
+  const glyphs::FamilyResult family =
+      restyle_family_into({folder / "out", "", ""}, {folder / "F.1.woff2"}, smoothing());
+  CHECK(family.fonts.at(0).name == "F.1.otf");
+  CHECK(content(folder / "out/F.1.otf") == restyle(load_font(folder / "F.1.woff2"), smoothing()).font.data);
+  CHECK(nlohmann::json::parse(family.report).at("fonts").at(0).at("font") == "F.1.woff2");
+  // Its name may then be another's.
+  fs::copy_file(bundled_otf[0], folder / "F.1.otf");
+  CHECK_THAT(message_of<glyphs::RequestError>([&] {
+               restyle_family_into({folder / "x", "", ""}, {folder / "F.1.otf", folder / "F.1.woff2"}, smoothing());
+             }),
+             Catch::Contains("would both be"));
 }
 
 TEST_CASE("a family may go where it came from", "[family]") {
