@@ -326,9 +326,10 @@ class Staged {
   Staged& operator=(const Staged&) = delete;
   ~Staged() { remove(); }
 
-  /// With a way back what was there is kept until `settle`.
-  void put_in_place(bool has_way_back) {
-    if (target_.is_folder || has_way_back) {
+  /// Whether what was there can be put back.
+  enum class WayBack { Open, Closed };
+  void put_in_place(WayBack way_back) {
+    if (target_.is_folder || way_back == WayBack::Open) {
       exchange();
     } else if (::rename(name_->path, place()) != 0) {
       fail(target_.path, errno);
@@ -617,7 +618,8 @@ void OutputBatch::put_in_place() {
   auto& staged = state_->staged;
   for (std::size_t i = 0; i < staged.size(); ++i) {
     try {
-      staged[i]->put_in_place(i + 1 < staged.size());
+      const bool is_last = i + 1 == staged.size();  // nothing can fail behind it
+      staged[i]->put_in_place(is_last ? Staged::WayBack::Closed : Staged::WayBack::Open);
     } catch (const FontWriteError& error) {
       std::string lost;
       while (i-- > 0) {

@@ -476,7 +476,7 @@ int interrupt_at(int nth, int signal, Work work) {
   const pid_t child = ::fork();
   if (child == 0) {
     std::signal(SIGTERM, SIG_DFL);
-    ::ptrace(PTRACE_TRACEME, 0, nullptr, nullptr);
+    if (::ptrace(PTRACE_TRACEME, 0, nullptr, nullptr) != 0) ::_exit(7);
     std::raise(SIGSTOP);
     work();
     ::_exit(0);
