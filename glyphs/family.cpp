@@ -63,6 +63,11 @@ std::string file_name(std::string path) {
   return path.substr(path.rfind('/') + 1);
 }
 
+/// A font's file name as report and proof can show it: bytes that are not UTF-8 are replaced.
+std::string shown_name(const std::string& path) {
+  return Json::parse(Json(file_name(path)).dump(-1, ' ', false, Json::error_handler_t::replace));
+}
+
 /// A web font and a collection have an ending that is not written.
 std::string output_name(const Font& font, const std::string& path) {
   std::string name = file_name(path);
@@ -152,7 +157,7 @@ Json ranked(const std::vector<FamilyFont>& fonts) {
   std::ranges::stable_sort(all, std::ranges::greater(), [](const auto& one) { return moved(*one.first, *one.second); });
   Json list = Json::array();
   for (auto one = all.begin(); one != last; ++one) {
-    list.push_back({{"font", file_name(one->first->font)},
+    list.push_back({{"font", shown_name(one->first->font)},
                     {"name", one->second->name},
                     {"displacement_in_thousandths", moved(*one->first, *one->second)}});
   }
@@ -162,8 +167,7 @@ Json ranked(const std::vector<FamilyFont>& fonts) {
 /// The report of one font, indented, with its name at the head.
 std::string section(const std::string& name, const std::string& report) {
   constexpr const char* indent = "    ";
-  const Json key(name);
-  std::string out = text("{\n      \"font\": ", key.dump(-1, ' ', false, Json::error_handler_t::replace), ",");
+  std::string out = text("{\n      \"font\": ", Json(name).dump(), ",");
   for (std::size_t at = report.find('\n'); at + 1 < report.size();) {
     const std::size_t end = report.find('\n', at + 1);
     out += text("\n", indent, report.substr(at + 1, end - at - 1));
@@ -179,7 +183,7 @@ std::string report_of(const std::vector<FamilyFont>& fonts, const std::vector<st
   for (const FamilyFont& font : fonts) {
     size += font.result.size;
     changed += font.result.changed();
-    refused += static_cast<int>(font.refusals.size());
+    refused += font.result.refused();
   }
   const Json head = {{"version", 1},
                      {"changed", changed},
@@ -189,7 +193,7 @@ std::string report_of(const std::vector<FamilyFont>& fonts, const std::vector<st
                      {"bytes_before", size.bytes_before},
                      {"bytes_after", size.bytes_after},
                      {"moved_most", ranked(fonts)}};
-  std::string out = head.dump(2, ' ', false, Json::error_handler_t::replace);
+  std::string out = head.dump(2);
   out.erase(out.size() - 2);  // the closing brace
   out += ",\n  \"fonts\": [";
   for (std::size_t k = 0; k < sections.size(); ++k) out += (k == 0 ? "\n    " : ",\n    ") + sections[k];
@@ -213,6 +217,7 @@ void add_to(GlyphProof& proof, const std::string& name, const Font& before, cons
     title += text(", the ", most_shown, " that moved most");
   }
   std::vector<int> ids;
+  ids.reserve(shown.size());
   for (const GlyphReport* const glyph : shown) ids.push_back(glyph->glyph);
   const Font after = result.font.folder ? load_ufo(name, *result.font.folder) : load_font_bytes(name, result.font.data);
   proof.add(after, &before, ids, title);
@@ -231,6 +236,7 @@ FamilyResult restyle_family_into(const FamilyOutputs& outputs, const std::vector
   const ProofFormat format = outputs.proof.empty() ? ProofFormat::Png : proof_format(outputs.proof);
   const std::vector<Surveyed> surveyed = survey(fonts, recipe, options);
   std::vector<Output> files;
+  files.reserve(surveyed.size() + 2);
   for (const Surveyed& one : surveyed) files.push_back({outputs.folder + "/" + one.name, one.is_folder});
   require_own_places(fonts, files);
   for (const std::string& extra : {outputs.report, outputs.proof}) {
@@ -250,9 +256,9 @@ FamilyResult restyle_family_into(const FamilyOutputs& outputs, const std::vector
     done.units_per_em = font.units_per_em;
     done.refusals = refusals(font, result);
     is_refused = is_refused || !done.refusals.empty();
-    sections.push_back(section(file_name(done.font), report_json(font, result)));
+    sections.push_back(section(shown_name(done.font), report_json(font, result)));
     if (!is_refused || !outputs.strict) {
-      if (!outputs.proof.empty()) add_to(proof, file_name(done.font), font, result);
+      if (!outputs.proof.empty()) add_to(proof, shown_name(done.font), font, result);
       if (result.font.folder) {
         batch.stage(k, *result.font.folder);
       } else {

@@ -203,6 +203,16 @@ TEST_CASE("a web font of a family gets the ending of what it becomes", "[family]
              Catch::Contains("would both be"));
 }
 
+TEST_CASE("a file name that is not UTF-8 is shown with what can be shown of it", "[family]") {
+  const Folder folder;
+  const std::string path = folder / "F\xff\n.otf";
+  fs::copy_file(bundled_otf[0], path);
+  const glyphs::FamilyOutputs outputs{folder / "out", folder / "r.json", folder / "p.svg"};
+  const glyphs::FamilyResult family = restyle_family_into(outputs, {path}, smoothing());
+  CHECK(fs::exists(folder / "out/F\xff\n.otf"));
+  CHECK(nlohmann::json::parse(family.report).at("fonts").at(0).at("font") == "F\uFFFD\n.otf");
+}
+
 TEST_CASE("a family may go where it came from", "[family]") {
   const Folder folder;
   std::vector<std::string> fonts{folder / "A.ttf", folder / "B.otf", folder / "Serif.ufo/"};
