@@ -594,6 +594,11 @@ OutputBatch::OutputBatch(const std::vector<Output>& outputs) : state_(std::make_
     state_->targets.push_back(output.is_folder ? find_folder_target(output.path) : find_target(output.path));
   }
   require_distinct(state_->targets);
+  for (const Target& target : state_->targets) {
+    // Told now, and not when the work is done.
+    const bool is_writable = target.is_direct || ::access(folder_of(target.file).c_str(), W_OK | X_OK) == 0;
+    if (!is_writable) fail(target.path, errno);
+  }
   state_->guard.emplace();
 }
 
