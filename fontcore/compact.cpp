@@ -28,6 +28,8 @@ constexpr double straightness = 0.02;
 constexpr double corner_freedom = 1.95 * degrees;
 // Of its line, what the curves at both ends of a straight run may take over together.
 constexpr double line_share = 0.4;
+// A straight run that turns no more where it meets a segment that is kept goes on turning no more.
+constexpr double smooth_turn = 1.5 * degrees;
 // How far an extremum may move along its tangent, em.
 constexpr double extremum_slide = 0.012;
 // One sample for so much length, em, or so much turn.
@@ -774,6 +776,7 @@ struct Element {
   bool is_corner = false;  // at its start
   bool is_first = false;   // it starts at the contour's first node
   bool is_line = false;    // one that stays
+  bool is_kept = false;    // the source's own, bit for bit
   double turn = 0.0;       // at its start, absolute
 };
 
@@ -803,6 +806,9 @@ class ContourFit {
   std::optional<std::vector<Bezier>> originals(int from, int to) const;
   CompactFit as_it_was(std::string why = {}) const;
   bool is_admissible(int segment) const;
+  void find_kept();
+  Point node_place(int i) const;
+  bool is_beside_kept(int i) const { return element(i).is_kept || element(i - 1).is_kept; }
   const Element& element(int i) const { return elements_[at((i + count()) % count())]; }
   int count() const { return static_cast<int>(elements_.size()); }
   Point whole(const Point& p) const { return compact::whole(settings_, p); }
@@ -814,6 +820,7 @@ class ContourFit {
   std::vector<double> corner_turn_;          // by element: what the stretch before has turned the corner at its start
   std::vector<std::vector<Bezier>> fitted_;  // by element that a stretch or a line begins with
   std::vector<int> first_piece_;             // of them, the one that begins with the first node
+  std::vector<char> is_kept_;                // by segment of the source
   long work_ = 0;
 };
 
@@ -841,19 +848,56 @@ bool ContourFit::is_admissible(int segment) const {
   return true;
 }
 
+// The segments that stay as they are. On whole numbers a quadratic's implied end that lies between them can be no node
+// of its own: what is beyond it stays too.
+void ContourFit::find_kept() {
+  const CompactOptions& options = settings_.options;
+  const int count = source_.segment_count();
+  is_kept_.assign(at(count), 0);
+  int before = -1;
+  for (const int s : options.kept_segments) {
+    if (s <= before || s >= count)
+      throw InvalidInput(text("fit_compact: segment ", s, " is to be kept after segment ", before, " of ", count));
+    if (source_.degree(s) == (options.curve == CurveKind::Cubic ? 2 : 3))
+      throw InvalidInput(text("fit_compact: segment ", s, " is to be kept, and is of degree ", source_.degree(s)));
+    is_kept_[at(s)] = 1;
+    before = s;
+  }
+  const auto is_split = [&](int node) {
+    const Point p = source_.point(node) - origin_;
+    return source_.kind(node) == PointKind::ImpliedNode && whole(p) != p;
+  };
+  for (const bool forward : {true, false}) {
+    for (const int kept : options.kept_segments) {
+      for (int s = kept; is_split(source_.node(forward ? source_.next(s) : s));) {
+        s = forward ? source_.next(s) : source_.previous(s);
+        if (is_kept_[at(s)] != 0) break;
+        is_kept_[at(s)] = 1;
+      }
+    }
+  }
+}
+
+// Where the node at the start of an element is to be.
+Point ContourFit::node_place(int i) const {
+  const Point& start = element(i).curve.start();
+  return is_beside_kept(i) ? start : whole(start);
+}
+
 void ContourFit::make_elements() {
   const CompactOptions& options = settings_.options;
   bool is_first = true;
   for (int s = 0; s < source_.segment_count(); ++s) {
     Element element;
     element.curve = source_.segment(s);
-    if (is_degenerate(element.curve)) continue;
+    element.is_kept = is_kept_[at(s)] != 0;
+    if (is_degenerate(element.curve) && !element.is_kept) continue;
     for (Point& p : element.curve.p) p -= origin_;
     element.source = s;
     element.is_first = std::exchange(is_first, false);
     // A line needs ends on whole numbers: implied nodes stay inside curves.
     const auto is_whole = [&](const Point& p) { return whole(p) == p; };
-    if (element.curve.degree > 1 && is_straight(element.curve, straightness * options.tolerance) &&
+    if (element.curve.degree > 1 && !element.is_kept && is_straight(element.curve, straightness * options.tolerance) &&
         is_whole(element.curve.start()) && is_whole(element.curve.end())) {
       element.curve.p[1] = element.curve.end();
       element.curve.degree = 1;
@@ -868,7 +912,8 @@ void ContourFit::make_elements() {
     const auto is_long_line = [&](const Bezier& b) { return b.degree == 1 && (b.end() - b.start()).norm() >= run; };
     constexpr double bend = 0.2 * degrees;  // of two straight runs
     own.is_corner =
-        own.turn > options.corner_angle || (own.turn > bend && is_long_line(own.curve) && is_long_line(before)) ||
+        own.turn > options.corner_angle || is_degenerate(own.curve) || is_degenerate(before) ||
+        (own.turn > bend && is_long_line(own.curve) && is_long_line(before)) ||
         std::find(options.corners.begin(), options.corners.end(), source_.node(own.source)) != options.corners.end();
   }
 }
@@ -877,7 +922,7 @@ void ContourFit::merge_lines() {
   std::vector<Element> merged;
   for (const Element& own : elements_) {
     if (!merged.empty() && !own.is_corner && !own.is_first && own.curve.degree == 1 &&
-        merged.back().curve.degree == 1) {
+        merged.back().curve.degree == 1 && !own.is_kept && !merged.back().is_kept) {
       Bezier& line = merged.back().curve;
       const Bezier both{{line.start(), line.end(), own.curve.end(), Point::Zero()}, 2};
       if (is_straight(both, straightness * settings_.options.tolerance)) {
@@ -895,7 +940,7 @@ void ContourFit::split_at_extrema() {
   std::vector<Element> parts;
   for (const Element& own : elements_) {
     std::vector<double> cuts;
-    for (int axis = 0; axis < 2; ++axis) {
+    for (int axis = 0; axis < 2 && !own.is_kept; ++axis) {
       for (const double u : extrema(own.curve, axis)) {
         if (u > 0.002 && u < 0.998) cuts.push_back(u);
       }
@@ -942,6 +987,8 @@ std::optional<std::vector<Bezier>> ContourFit::originals(int from, int to) const
       }
     }
     for (int k = 0; k <= b.degree; ++k) b.p[at(k)] = whole(b.p[at(k)]);
+    if (is_beside_kept(i)) b.p[0] = own.curve.start();
+    if (is_beside_kept(i + 1)) b.p[at(b.degree)] = own.curve.end();
     pieces.push_back(b);
   }
   return pieces;
@@ -986,6 +1033,7 @@ Task ContourFit::task_of(int from, int to) const {
       return join;
     }
     join.is_corner = node.is_corner;
+    join.is_held = is_beside_kept(node_index);
     if (node.is_corner) {
       const double slack =
           1.4 / std::max(1.0, std::min(handle_of(own.curve, is_start), handle_of(beside.curve, !is_start)));
@@ -995,18 +1043,22 @@ Task ContourFit::task_of(int from, int to) const {
       join.turn_low = turned - share * (corner_freedom + 0.8 * slack);
       join.turn_high = turned + share * (corner_freedom + 0.8 * slack);
       join.turn_slack = share * 0.15 * slack;
-      join.home = join.place = whole(join.place);
+      join.home = join.place = node_place(node_index);
       return join;
     }
-    // A smooth end is that of a line that stays.
+    // A smooth end is that of a line that stays, or of a segment that is kept.
     join.tangent = is_start ? end_tangent(beside.curve) : start_tangent(beside.curve);
     join.rail = join.tangent;
+    if (join.is_held) return join;
     const auto& line = fitted_[at((is_start ? from - 1 + count() : to) % count())];
     join.has_line = true;
     join.line_end = is_start ? line.front().start() : line.back().end();
     join.slides = true;
-    const bool other_smooth = is_start ? !element(from - 1).is_corner : !element(to + 1).is_corner;
+    const int other = is_start ? from - 1 : to + 1;  // the node at the line's other end
+    const bool other_smooth = !element(other).is_corner;
     const double room = room_of(beside, other_smooth);
+    if (is_beside_kept(other) && element(other).turn < smooth_turn)
+      join.line_tangent = is_start ? end_tangent(element(other - 1).curve) : start_tangent(element(other).curve);
     join.slide_low = is_start ? -room : -em;
     join.slide_high = is_start ? em : room;
     if (node.is_first && holds_first) make_first(join);
@@ -1208,7 +1260,9 @@ Task ContourFit::task_of(int from, int to) const {
 
 CompactFit ContourFit::run() {
   const CompactOptions& options = settings_.options;
-  if (options.tolerance == 0.0) return as_it_was();
+  find_kept();
+  const bool keeps_all = std::find(is_kept_.begin(), is_kept_.end(), 0) == is_kept_.end();
+  if (options.tolerance == 0.0 || keeps_all) return as_it_was();
   make_elements();
   if (count() < 2) return as_it_was();
   merge_lines();
@@ -1216,29 +1270,32 @@ CompactFit ContourFit::run() {
   const double run = options.straight_run * options.units_per_em;
   for (int i = 0; i < count(); ++i) {
     Element& own = elements_[at(i)];
-    own.is_line = own.curve.degree == 1 &&
+    own.is_line = !own.is_kept && own.curve.degree == 1 &&
                   ((own.curve.end() - own.curve.start()).norm() >= run || (own.is_corner && element(i + 1).is_corner));
   }
   corner_turn_.assign(at(count()), 0.0);
   fitted_.assign(at(count()), {});
   first_piece_.assign(at(count()), -1);
 
-  // Begin at a break: a corner, else a line that stays, else the first node.
+  // Begin at a break: a corner, an end of a line that stays or of what is kept, else the first node.
   int begin = 0;
-  const auto breaks_at = [&](int i) { return element(i).is_corner || element(i).is_line || element(i - 1).is_line; };
+  const auto breaks_at = [&](int i) {
+    return element(i).is_corner || element(i).is_line || element(i - 1).is_line || is_beside_kept(i);
+  };
   while (begin < count() && !breaks_at(begin)) ++begin;
   const bool is_whole = begin == count();
   if (is_whole) begin = 0;
   for (int i = 0; i < count(); ++i) {
     if (element(i).is_line) {
-      const Bezier& line = element(i).curve;
-      fitted_[at(i)] = {{{whole(line.start()), whole(line.end()), Point::Zero(), Point::Zero()}, 1}};
+      fitted_[at(i)] = {{{node_place(i), node_place(i + 1), Point::Zero(), Point::Zero()}, 1}};
+    } else if (element(i).is_kept) {
+      fitted_[at(i)] = {element(i).curve};
     }
   }
   int written = 0;
   for (int from = begin; from < begin + count();) {
     const int index = from % count();
-    if (element(from).is_line) {
+    if (element(from).is_line || element(from).is_kept) {
       ++from;
       ++written;
       continue;
@@ -1275,6 +1332,7 @@ CompactFit ContourFit::run() {
 
   // From the first node on.
   std::vector<Bezier> out;
+  std::vector<int> segment;  // of the source, where it is kept
   int first = 0;
   for (int from = begin; from < begin + count(); ++from) {
     const auto& pieces = fitted_[at(from % count())];
@@ -1282,35 +1340,48 @@ CompactFit ContourFit::run() {
     const int own = element(from).is_first ? 0 : first_piece_[at(from % count())];
     if (own >= 0) first = static_cast<int>(out.size()) + own;
     out.insert(out.end(), pieces.begin(), pieces.end());
+    segment.resize(out.size(), element(from).is_kept ? element(from).source : -1);
   }
   first %= static_cast<int>(out.size());
   std::rotate(out.begin(), out.begin() + first, out.end());
+  std::rotate(segment.begin(), segment.begin() + first, segment.end());
   bool is_admissible_as_is = true;
   for (int s = 0; s < source_.segment_count(); ++s) is_admissible_as_is = is_admissible_as_is && is_admissible(s);
   const std::string why = work_ > options.most_work ? too_much_work : std::string();
   if (is_admissible_as_is && written >= source_.segment_count()) return as_it_was(why);
 
-  bool begins_with_handle = false;
+  std::optional<Point> implied_first;
   Points points(static_cast<Eigen::Index>(4 * out.size()), 2);
   std::vector<PointKind> kinds;
   const auto add = [&](const Point& p, PointKind kind) {
-    points.row(static_cast<Eigen::Index>(kinds.size())) = (p + origin_).transpose();
+    points.row(static_cast<Eigen::Index>(kinds.size())) = p.transpose();
     kinds.push_back(kind);
   };
   for (std::size_t i = 0; i < out.size(); ++i) {
     const Bezier& b = out[i];
-    const Bezier& before = out[i == 0 ? out.size() - 1 : i - 1];
+    const std::size_t previous = i == 0 ? out.size() - 1 : i - 1;
+    const Bezier& before = out[previous];
+    const int own = segment[i];
+    const int own_before = segment[previous];
+    // What is kept has the source's bits, its ends too; between two that are, an implied node stays one.
+    const int node = own >= 0 ? source_.node(own) : own_before >= 0 ? source_.point_of(own_before, before.degree) : -1;
     const bool is_middle = b.degree == 2 && before.degree == 2 && b.start() == 0.5 * (before.p[1] + b.p[1]);
     // The first node is one of its own if it can be: where a list begins with a handle, readers begin elsewhere.
-    const bool is_implied = is_middle && (i > 0 || whole(b.start()) != b.start());
+    const bool is_implied = node < 0 ? is_middle && (i > 0 || whole(b.start()) != b.start())
+                                     : own >= 0 && own_before >= 0 && source_.next(own_before) == own &&
+                                           source_.kind(node) == PointKind::ImpliedNode;
+    const Point start = node < 0 ? Point(b.start() + origin_) : source_.point(node);
     if (is_implied && i == 0) {
-      begins_with_handle = true;
+      implied_first = start;
     } else {
-      add(b.start(), is_implied ? PointKind::ImpliedNode : PointKind::Node);
+      add(start, is_implied ? PointKind::ImpliedNode : PointKind::Node);
     }
-    for (int k = 1; k < b.degree; ++k) add(b.p[at(k)], b.degree == 2 ? PointKind::Quadratic : PointKind::Cubic);
+    for (int k = 1; k < b.degree; ++k) {
+      add(own < 0 ? Point(b.p[at(k)] + origin_) : source_.point(source_.point_of(own, k)),
+          b.degree == 2 ? PointKind::Quadratic : PointKind::Cubic);
+    }
   }
-  if (begins_with_handle) add(out.front().start(), PointKind::ImpliedNode);
+  if (implied_first) add(*implied_first, PointKind::ImpliedNode);
   points.conservativeResize(static_cast<Eigen::Index>(kinds.size()), 2);
   CompactFit fit;
   fit.contour = BezierContour(std::move(points), std::move(kinds));

@@ -23,6 +23,7 @@ struct CompactOptions {
   double corner_angle = 0.139626;  ///< sharper turns are corners, radians (8 degrees)
   double straight_run = 0.03;      ///< straight runs this long stay lines, em
   std::vector<int> corners;        ///< points of the contour that are corners however little they turn
+  std::vector<int> kept_segments;  ///< segments of the contour that come out as they are, bit for bit; ascending
   long most_work = 170'000;        ///< samples looked at by the solver: in a millisecond about ten thousand or more
 };
 
@@ -49,10 +50,16 @@ struct CompactFit {
 /// it. The source's own nodes mean nothing but a hint where to join: it may be cut as finely as it likes. With more
 /// than `most_work` to do, stretches not yet looked at stay as they are.
 ///
+/// Segments to be kept keep points and kinds, whole numbers or not; what is fitted between them meets their ends
+/// exactly, and goes on from them smoothly where the source turns by no more than `corner_angle`. The first node stays
+/// the first if one of them ends there. An implied end of a quadratic becomes a point, or, where points are whole
+/// numbers and it is not, keeps the segment beyond it too.
+///
 /// Exact   deviation <= tolerance unless `why` says otherwise; never more segments than the source has, but where
 ///         whole numbers or quadratics for cubics need them. A source moved by whole units or mirrored gives the result
 ///         moved or mirrored, bit for bit, if its coordinates are dyadic fractions, as font coordinates are.
-/// Throws  InvalidInput if the tolerance is negative or not finite, or the em not positive.
+/// Throws  InvalidInput if the tolerance is negative or not finite, or the em not positive; if the segments to be kept
+///         are not ascending, or none of the contour's, or one is a curve of the other kind.
 CompactFit fit_compact(const BezierContour& source, const CompactOptions& options = {});
 
 }  // namespace fontcore

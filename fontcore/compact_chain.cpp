@@ -546,12 +546,15 @@ std::optional<std::vector<Bezier>> ChainFit::rounded(const Point& fraction, doub
     const Point normal = left_of(join.tangent);
     const bool tangent_is_fixed = !join.turns && !(join.moves && !cubic);
     const int axis = join.tangent.y() == 0.0 ? 0 : 1;  // along which the handles lie, if they lie along one
-    const bool is_axial = tangent_is_fixed && join.tangent[1 - axis] == 0.0 && !(join.moves && !cubic);
+    const bool is_off_grid = join.is_held && whole_near(join.place[1 - axis], fraction[1 - axis], 0).size() > 1;
+    const bool is_axial = tangent_is_fixed && join.tangent[1 - axis] == 0.0 && !(join.moves && !cubic) && !is_off_grid;
 
     std::vector<Point> nodes;
     const bool implied = join.moves && !cubic;
     if (implied) {
       nodes = {join.place};  // it follows its handles
+    } else if (join.is_held) {
+      nodes = {join.place};
     } else if (join.moves) {
       nodes = lattice_near(join.place, fraction, 0);
     } else if (join.slides && (join.rail.x() == 0.0 || join.rail.y() == 0.0)) {
@@ -611,6 +614,7 @@ std::optional<std::vector<Bezier>> ChainFit::rounded(const Point& fraction, doub
               Point line = join.rail;
               if (join.has_line) line = has_in ? Point(join.line_end - node) : Point(node - join.line_end);
               if (!is_smooth(line, own)) continue;
+              if (join.line_tangent != Point::Zero() && !is_smooth(line, join.line_tangent)) continue;
             }
           }
           const Point dn = node - join.place;

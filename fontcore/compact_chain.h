@@ -28,7 +28,8 @@ struct Join {
   bool turns = false;             ///< its tangent: one
   bool is_first = false;          ///< the contour's first node
   bool is_cut = false;            ///< an end that others go on from: what lies beyond is none of this chain's
-  bool is_corner = false;         ///< an end of the chain that is no smooth continuation of a line
+  bool is_corner = false;         ///< an end of the chain that is no smooth continuation
+  bool is_held = false;           ///< an end of what stays as it is: on whole numbers or not
   Point rail = Point::Zero();
   Point home = Point::Zero();  ///< where it is on the source
   double slid = 0.0;
@@ -42,6 +43,7 @@ struct Join {
   /// The other end of the line that it slides along.
   bool has_line = false;
   Point line_end = Point::Zero();
+  Point line_tangent = Point::Zero();  ///< of what the line goes on to smoothly there; zero if it need not
 };
 
 /// What of the source lies between two ends, sampled. Beyond ends that may slide along a line there are samples of

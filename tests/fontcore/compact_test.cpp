@@ -1,11 +1,14 @@
 #include "fontcore/compact.h"
 
+#include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
 #include "fontcore/error.h"
 #include "fontcore/measure.h"
 #include "tests/catch.h"
+#include "tests/kept_segments.h"
 #include "tests/shapes.h"
 
 using namespace fontcore;
@@ -136,6 +139,61 @@ TEST_CASE("a straight run cut into pieces is one line again", "[compact]") {
   for (int s = 0; s < fit.contour.segment_count(); ++s) lines += fit.contour.degree(s) == 1 ? 1 : 0;
   CHECK(lines == 3);
   CHECK(fit.contour.segment_count() == 5);
+}
+
+TEST_CASE("kept segments come out bit for bit, and what is fitted beside them goes on from them smoothly",
+          "[compact]") {
+  std::mt19937 engine(7);
+  std::vector<BezierContour> sources = shapes::letter_a();
+  sources.push_back(finely_cut(sources[0], 5));
+  sources.push_back(finely_cut(shapes::circle(400), 6));
+  sources.push_back(transform(sources.back(), {Eigen::Rotation2Dd(0.3).toRotationMatrix(), Point(0.25, 0.1)}));
+  int fewer = 0;
+  for (CompactOptions options : all_options(2.0)) {
+    for (const BezierContour& source : sources) {
+      const bool is_cubic = std::ranges::count(source.kinds(), PointKind::Cubic) > 0;
+      if (is_cubic != (options.curve == CurveKind::Cubic)) continue;
+      for (const double share : {0.05, 0.2, 0.5, 0.8}) {
+        options.kept_segments = random_segments(source, share, engine);
+        const CompactFit fit = fit_compact(source, options);
+        const KeptSegments kept = find_kept(source, options.kept_segments, fit.contour, options.corner_angle);
+        CHECK(kept.missing == 0);
+        CHECK(kept.largest_turn <= 1.5 * degree);
+        CHECK(fontcore::farthest(source, fit.contour, 0.002).distance <= 2.0 + 0.004);
+        CHECK(fit.why.empty());
+        fewer += source.segment_count() - fit.contour.segment_count();
+        if (std::ranges::count(options.kept_segments, 0) > 0) CHECK(fit.contour.segment(0).p == source.segment(0).p);
+      }
+    }
+  }
+  CHECK(fewer > 1000);
+}
+
+TEST_CASE("the first node stays the first where a kept segment ends in it", "[compact]") {
+  const BezierContour source = finely_cut(shapes::circle(400), 10);
+  for (const int own : {0, 39}) {
+    const CompactFit fit = fit_compact(source, {.extrema = Extrema::Free, .kept_segments = {own}});
+    CHECK_FALSE(fit.kept);
+    CHECK(fit.contour.point(0) == source.point(0));
+  }
+}
+
+TEST_CASE("a contour whose every segment is kept stays as it is", "[compact]") {
+  for (CompactOptions options : all_options(4.0)) {
+    const BezierContour source = options.curve == CurveKind::Cubic ? shapes::circle(400.3) : shapes::letter_a()[0];
+    for (int s = 0; s < source.segment_count(); ++s) options.kept_segments.push_back(s);
+    const CompactFit fit = fit_compact(source, options);
+    CHECK(fit.kept);
+    CHECK(fit.contour == source);
+  }
+}
+
+TEST_CASE("segments that cannot be kept are refused", "[compact]") {
+  const BezierContour circle = shapes::circle(400);
+  CHECK_THROWS_AS(fit_compact(circle, {.kept_segments = {4}}), InvalidInput);
+  CHECK_THROWS_AS(fit_compact(circle, {.kept_segments = {-1}}), InvalidInput);
+  CHECK_THROWS_AS(fit_compact(circle, {.kept_segments = {2, 1}}), InvalidInput);
+  CHECK_THROWS_AS(fit_compact(circle, {.curve = CurveKind::Quadratic, .kept_segments = {1}}), InvalidInput);
 }
 
 TEST_CASE("a tolerance that is no distance is refused", "[compact]") {

@@ -10,6 +10,7 @@
 #include "glyphs/recipe.h"
 #include "tests/bundled_fonts.h"
 #include "tests/catch.h"
+#include "tests/kept_segments.h"
 
 using namespace glyphs;
 using fontcore::Affine;
@@ -131,6 +132,34 @@ TEST_CASE("letters of every bundled font are simplified within the tolerance, on
           }
         }
         CHECK(after < before);
+      }
+    }
+  }
+}
+
+TEST_CASE("kept segments of the letters of every bundled font come out bit for bit, smooth where they were",
+          "[simplify]") {
+  std::mt19937 engine(11);
+  for (const std::string& path : bundled_fonts()) {
+    const Font font = load_font(path);
+    for (const Extrema extrema : {Extrema::Keep, Extrema::Free}) {
+      CompactOptions options = options_for(font, extrema);
+      for (const auto coordinates : {fontcore::Coordinates::Whole, fontcore::Coordinates::Any}) {
+        options.coordinates = coordinates;
+        for (const BezierContour& source : contours_of(font, letters)) {
+          options.kept_segments = random_segments(source, 0.3, engine);
+          const CompactFit fit = fit_compact(source, options);
+          INFO(path << ", contour at " << source.point(0).transpose());
+          const KeptSegments kept = find_kept(source, options.kept_segments, fit.contour, options.corner_angle);
+          CHECK(kept.missing == 0);
+          // Curves for which there was no other keep their own shape, and rounding turns handles of fractions as it
+          // may.
+          const bool is_on_grid = coordinates == fontcore::Coordinates::Any || is_whole(source);
+          if (is_on_grid) CHECK(kept.largest_turn <= 1.5 * degree);
+          const double accuracy = 0.002 * options.tolerance;
+          CHECK(fontcore::farthest(source, fit.contour, accuracy).distance <= options.tolerance + 2.0 * accuracy);
+          if (coordinates == fontcore::Coordinates::Whole && is_on_grid) CHECK(is_whole(fit.contour));
+        }
       }
     }
   }
