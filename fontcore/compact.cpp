@@ -831,7 +831,7 @@ ContourFit::ContourFit(const BezierContour& source, const CompactOptions& option
 }
 
 CompactFit ContourFit::as_it_was(std::string why) const {
-  return {source_, 0.0, source_.point(source_.node(0)), true, std::move(why), work_};
+  return {source_, 0.0, source_.point(source_.node(0)), true, std::move(why), work_, settings_.options.kept_segments};
 }
 
 // Whether a segment of the source may be written as it is.
@@ -1387,6 +1387,8 @@ CompactFit ContourFit::run() {
   fit.contour = BezierContour(std::move(points), std::move(kinds));
   fit.work = work_;
   fit.why = why;
+  for (const int kept : options.kept_segments)
+    fit.kept_at.push_back(static_cast<int>(std::ranges::find(segment, kept) - segment.begin()));
   const auto [deviation, where] = farthest(source_, fit.contour, measuring_accuracy * options.tolerance);
   fit.deviation = deviation;
   fit.where = where;

@@ -35,6 +35,7 @@ struct CompactFit {
   bool kept = false;            ///< left as it was, bit for bit: nothing shorter was found
   std::string why;              ///< what stood against it, if something did: work, rounding; empty as a rule
   long work = 0;                ///< of `most_work`
+  std::vector<int> kept_at{};   ///< where the segments that were to be kept are now, in their order
 };
 
 /// The fewest lines and curves found within a distance of a contour.

@@ -520,19 +520,14 @@ class GlyphEditor {
   }
 
   // What moved, in the fewest segments within the tolerance: fitted, its area given back by the least change of its own
-  // points, rounded and measured; with less tolerance where one of these takes it beyond. What has frozen points, or
-  // comes out no shorter, stays as its own points have it.
+  // points, rounded and measured; with less tolerance where one of these takes it beyond. What comes out no shorter
+  // stays as its own points have it, and so do segments that are frozen.
   void emit_compactly(Attempt& attempt) const {
     const double unit = recipe_.lengths_in_thousandths ? font_.units_per_em / 1000.0 : 1.0;
     const double tolerance = recipe_.tolerance * unit;
     std::vector<std::size_t> open;
     for (std::size_t k = 0; k < original_.size(); ++k) {
-      if (attempt.unrounded[k] == original_[k]) continue;
-      if (references_[k].frozen.empty()) {
-        open.push_back(k);
-      } else {
-        attempt.notes.push_back(text("contour ", k, ": has frozen points, and is not emitted compactly"));
-      }
+      if (attempt.unrounded[k] != original_[k]) open.push_back(k);
     }
     for (double share = 0.8; share > 0.2 && !open.empty(); share *= 0.7) {
       std::vector<fontcore::Unrounded> fitted;
@@ -560,6 +555,46 @@ class GlyphEditor {
     }
   }
 
+  // The points of a contour that are frozen, an implied node by its handles too.
+  std::vector<bool> frozen_points(std::size_t index) const {
+    const auto& [contour, came_from, frozen] = references_[index];
+    const auto count = static_cast<std::size_t>(contour.point_count());
+    std::vector<bool> is_frozen(count, false);
+    for (const fontcore::Row& row : frozen) is_frozen[static_cast<std::size_t>(row.terms.front().variable / 2)] = true;
+    for (std::size_t i = 0; i < count; ++i) {
+      if (contour.kind(static_cast<int>(i)) != fontcore::PointKind::ImpliedNode) continue;
+      const std::size_t before = i == 0 ? count - 1 : i - 1;
+      const std::size_t after = i + 1 == count ? 0 : i + 1;
+      if (is_frozen[i] && (is_frozen[before] || is_frozen[after])) is_frozen[before] = is_frozen[after] = true;
+      if (is_frozen[before] && is_frozen[after]) is_frozen[i] = true;
+    }
+    return is_frozen;
+  }
+
+  // The segments that frozen points need: those frozen as a whole, and those with a frozen point that none of them has,
+  // or one that is implied and so lies between two.
+  static std::vector<int> segments_of(const BezierContour& contour, const std::vector<bool>& is_frozen) {
+    const auto frozen = [&](int s, int k) { return is_frozen[static_cast<std::size_t>(contour.point_of(s, k))]; };
+    const auto is_whole = [&](int s) {
+      for (int k = 0; k <= contour.degree(s); ++k) {
+        if (!frozen(s, k)) return false;
+      }
+      return true;
+    };
+    std::vector<int> segments;
+    for (int s = 0; s < contour.segment_count(); ++s) {
+      const auto needs_end = [&](int k, int beyond) {
+        const bool is_implied = contour.kind(contour.point_of(s, k)) == fontcore::PointKind::ImpliedNode;
+        return frozen(s, k) && (is_implied || !is_whole(beyond));
+      };
+      bool is_needed =
+          is_whole(s) || needs_end(0, contour.previous(s)) || needs_end(contour.degree(s), contour.next(s));
+      for (int k = 1; k < contour.degree(s); ++k) is_needed = is_needed || frozen(s, k);
+      if (is_needed) segments.push_back(s);
+    }
+    return segments;
+  }
+
   // None if the fit or the area cannot be had.
   std::optional<fontcore::Unrounded> fitted_compactly(const BezierContour& solved, std::size_t index,
                                                       double tolerance) const {
@@ -570,17 +605,35 @@ class GlyphEditor {
     options.curve = has_quadratics() ? fontcore::CurveKind::Quadratic : fontcore::CurveKind::Cubic;
     options.coordinates = fontcore::Coordinates::Any;
     options.corners = marked_corners(index);
+    const std::vector<bool> is_frozen = frozen_points(index);
+    options.kept_segments = segments_of(solved, is_frozen);
+    const int other_degree = options.curve == fontcore::CurveKind::Cubic ? 2 : 3;
+    for (const int s : options.kept_segments) {
+      if (solved.degree(s) == other_degree) return std::nullopt;
+    }
     const fontcore::CompactFit fit = fit_compact(solved, options);
     if (!fit.why.empty()) return std::nullopt;
     fontcore::Unrounded result{fit.contour, fit.contour, rules_, {}};
     result.goal.area = signed_area(solved);
     result.goal.scale = std::abs(signed_area(original_));
     result.goal.is_new.assign(static_cast<std::size_t>(fit.contour.point_count()), true);
+    std::vector<int> held;
+    for (std::size_t i = 0; i < options.kept_segments.size(); ++i) {
+      const int s = options.kept_segments[i];
+      for (int k = 0; k <= solved.degree(s); ++k) {
+        if (!is_frozen[static_cast<std::size_t>(solved.point_of(s, k))]) continue;
+        held.push_back(fit.contour.point_of(fit.kept_at[i], k));
+        result.goal.is_new[static_cast<std::size_t>(held.back())] = false;
+      }
+    }
+    std::ranges::sort(held);
+    held.erase(std::ranges::unique(held).begin(), held.end());
     if (recipe_.keep.area == KeepArea::None || fit.contour == solved) return result;
     fontcore::StructureEdit edit;
     edit.rules = rules_;
     edit.area = result.goal.area;
     edit.breadth = length(fit.contour);
+    edit.rows = rows(fontcore::FrozenStretch{"what is frozen", held});
     const auto stay = [](int, double, double) { return Point(Point::Zero()); };
     fontcore::StructureFit given_back = refit_structure(fontcore::OutlineArcs(fit.contour), stay, edit);
     if (!given_back.report.failed.empty()) return std::nullopt;

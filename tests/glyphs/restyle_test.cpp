@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
+#include "fontcore/constraint.h"
 #include "fontcore/crossing.h"
 #include "fontcore/measure.h"
 #include "glyphs/error.h"
@@ -12,6 +13,7 @@
 #include "tests/catch.h"
 #include "tests/glyphs/made_font.h"
 #include "tests/glyphs/sfnt_bytes.h"
+#include "tests/kept_segments.h"
 #include "tests/shapes.h"
 
 using namespace glyphs;
@@ -532,6 +534,46 @@ TEST_CASE("compact emission has fewer segments, within its tolerance and with it
     recipe.steps = {SmoothStep{.scale = 0.0}};
     CHECK(restyle(font, recipe).font.data == *font.data);
   }
+}
+
+TEST_CASE("compact emission leaves frozen segments as they are in the font, bit for bit", "[restyle]") {
+  int fewer = 0;
+  for (const std::string& path : {bundled_ttf[0], bundled_ttf[2], bundled_otf[0], bundled_otf[2]}) {
+    const Font font = load_font(path);
+    Recipe recipe;
+    recipe.steps = {SmoothStep{.scale = 0.03 * font.units_per_em}};
+    recipe.tolerance = 0.001 * font.units_per_em;
+    for (const char letter : letters) {
+      const int id = font.character_map.at(static_cast<char32_t>(letter));
+      const auto& own = font.glyphs[static_cast<std::size_t>(id)].contours;
+      const fontcore::Box all = control_box(own[0]);
+      fontcore::Box left;
+      left.add(all.low - Point(1, 1));
+      left.add(Point(all.low.x() + 0.3 * (all.high - all.low).x(), all.high.y() + 1));
+      recipe.keep.freeze = {Freeze{.box = left}};
+      recipe.emission = glyphs::Emission::Structure;
+      const GlyphResult structure = restyle_glyph(font, id, recipe);
+      recipe.emission = glyphs::Emission::Compact;
+      const GlyphResult compact = restyle_glyph(font, id, recipe);
+      CAPTURE(path, letter, compact.report.refused);
+      REQUIRE(compact.contours.size() == own.size());
+      for (std::size_t k = 0; k < own.size(); ++k) {
+        const auto frozen = fontcore::frozen_within(own[k], left).points;
+        std::vector<int> segments;
+        for (int s = 0; s < own[k].segment_count(); ++s) {
+          bool is_in = true;
+          for (int i = 0; i <= own[k].degree(s); ++i)
+            is_in = is_in && std::ranges::count(frozen, own[k].point_of(s, i)) > 0;
+          if (is_in) segments.push_back(s);
+        }
+        CHECK(find_kept(own[k], segments, compact.contours[k], 0.0).missing == 0);
+        fewer += structure.contours[k].segment_count() - compact.contours[k].segment_count();
+      }
+      CHECK(compact.report.deviation <= std::max(recipe.tolerance + 0.02, structure.report.deviation));
+      if (compact.report.changed) CHECK(compact.report.area_after == Approx(compact.report.area_target).epsilon(2e-3));
+    }
+  }
+  CHECK(fewer > 200);
 }
 
 TEST_CASE("a counter that an edit closes is counted and named", "[restyle]") {
