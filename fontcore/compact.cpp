@@ -83,10 +83,12 @@ void add_polyline(const Bezier& b, double sagitta, int fewest, std::vector<Point
   for (int i = 0; i < pieces; ++i) to.push_back(evaluate(b, static_cast<double>(i) / pieces));
 }
 
-// Whether every vertex of one polyline is within a distance of the other, both run from end to end together. It looks
-// near where the vertex before was nearest: a distance is never taken for smaller than it is. Closed ones repeat their
-// first point at the end, and go on there.
-bool stays_within(const std::vector<Point>& a, const std::vector<Point>& b, double limit, bool is_closed) {
+// The first vertices of one polyline, `most` of them, that are farther than a distance from the other, both run from
+// end to end together. It looks near where the vertex before was nearest: a distance is never taken for smaller than it
+// is. Closed ones repeat their first point at the end, and go on there.
+std::vector<std::size_t> beyond(const std::vector<Point>& a, const std::vector<Point>& b, double limit, bool is_closed,
+                                std::size_t most) {
+  std::vector<std::size_t> far;
   const int n = static_cast<int>(b.size()) - 1;
   constexpr int ahead = 8;
   constexpr int behind = 5;
@@ -94,7 +96,8 @@ bool stays_within(const std::vector<Point>& a, const std::vector<Point>& b, doub
   for (std::size_t i = 1; is_closed && i < b.size(); ++i) {
     if ((b[i] - a[0]).squaredNorm() < (b[at(near)] - a[0]).squaredNorm()) near = static_cast<int>(i) - 1;
   }
-  for (const Point& p : a) {
+  for (std::size_t vertex = 0; vertex < a.size() && far.size() < most; ++vertex) {
+    const Point& p = a[vertex];
     double least = never;
     int nearest = near;
     const auto look = [&](int segment) {
@@ -117,11 +120,11 @@ bool stays_within(const std::vector<Point>& a, const std::vector<Point>& b, doub
     for (int i = std::min(high - 1, near - 2); i >= low && idle < behind; --i) idle = look(i) ? 0 : idle + 1;
     if (least > limit * limit) {  // where the polyline is much finer than the steps along it, farther ahead
       for (int i = near + 1; i < high && i < near + 64; ++i) look(i);
-      if (least > limit * limit) return false;
+      if (least > limit * limit) far.push_back(vertex);
     }
     near = nearest;
   }
-  return true;
+  return far;
 }
 
 struct Settings {
@@ -155,6 +158,7 @@ struct Task {
   std::vector<Must> musts;      // joins there have to be, in order
   std::vector<int> candidates;  // samples that may be joins, its ends among them
   bool rotates = false;         // closed, and any candidate may be the first join
+  bool is_long = false;         // too long for a search of the whole: window by window
   int most_pieces = 0;
   std::optional<Point> first;  // where the contour's first node was, if it is within
 };
@@ -179,6 +183,7 @@ class Search {
   };
 
   bool is_exhausted() const { return work_ > settings_.options.most_work; }
+  Join join_at(int sample) const;
   std::vector<Join> joins_at(const std::vector<int>& breaks) const;
   const Task::Must* must_at(int sample) const;
   struct Span {
@@ -190,13 +195,23 @@ class Search {
   Span quadratic_span(int i, int j);
   double span_error(int i, int j) { return span(i, j).error; }
   Chain laid(const std::vector<int>& breaks);
+  // Of a closed stretch the candidates come round again; its last is its first.
+  int candidate_round() const { return static_cast<int>(task_.candidates.size()) - (task_.rotates ? 1 : 0); }
+  int candidate(int i) const {
+    const int round = candidate_round();
+    return i < round ? task_.candidates[at(i)]
+                     : task_.candidates[at(i - round)] + (task_.stretch.last - task_.stretch.first);
+  }
+  std::vector<std::vector<double>> span_errors(double hopeless);
   std::vector<std::vector<Path>> paths(int most);
   std::optional<Result> accepted(ChainFit fit);
   Chain held_on_whole_numbers(const Chain& chain) const;
   std::optional<Result> tried(const std::vector<int>& breaks, double* error = nullptr);
   bool solves_around(Chain& chain, int piece);
+  bool solves_between(Chain& chain, int low, int high, double within, int rounds);
   std::vector<Chain> shortened(Chain chain);
-  bool verified(const std::vector<Bezier>& pieces) const;
+  std::vector<int> faults(const std::vector<Bezier>& pieces, std::size_t most) const;
+  bool verified(const std::vector<Bezier>& pieces) const { return faults(pieces, 1).empty(); }
 
   const Task& task_;
   const Settings& settings_;
@@ -210,21 +225,19 @@ const Task::Must* Search::must_at(int sample) const {
   return nullptr;
 }
 
+Join Search::join_at(int sample) const {
+  if (const Task::Must* must = must_at(sample)) return must->join;
+  Join join;
+  join.place = join.home = task_.stretch.samples[at(sample)].place;
+  join.tangent = task_.stretch.samples[at(sample)].tangent;
+  join.moves = join.turns = true;
+  return join;
+}
+
 std::vector<Join> Search::joins_at(const std::vector<int>& breaks) const {
   std::vector<Join> joins;
   if (!task_.rotates) joins.push_back(task_.start);
-  for (std::size_t i = task_.rotates ? 0 : 1; i + 1 < breaks.size(); ++i) {
-    if (const Task::Must* must = must_at(breaks[i])) {
-      joins.push_back(must->join);
-      continue;
-    }
-    const Sample& sample = task_.stretch.samples[at(breaks[i])];
-    Join join;
-    join.place = join.home = sample.place;
-    join.tangent = sample.tangent;
-    join.moves = join.turns = true;
-    joins.push_back(join);
-  }
+  for (std::size_t i = task_.rotates ? 0 : 1; i + 1 < breaks.size(); ++i) joins.push_back(join_at(breaks[i]));
   if (!task_.stretch.is_closed) joins.push_back(task_.end);
   return joins;
 }
@@ -340,21 +353,14 @@ Chain Search::laid(const std::vector<int>& breaks) {
   return chain;
 }
 
-// For every number of pieces the paths over the candidates with the least largest span error and with the least sum of
-// its squares, best first.
-std::vector<std::vector<Search::Path>> Search::paths(int most) {
-  const auto& candidates = task_.candidates;
+// The errors of single curves from every candidate to those after it, up to the second that is hopeless.
+std::vector<std::vector<double>> Search::span_errors(double hopeless) {
   const auto& samples = task_.stretch.samples;
-  const int count = static_cast<int>(candidates.size());
+  const int count = static_cast<int>(task_.candidates.size());
+  const int round = candidate_round();
   std::vector<double> turn(samples.size(), 0.0);
   for (std::size_t i = 1; i < samples.size(); ++i)
     turn[i] = turn[i - 1] + std::abs(angle(samples[i - 1].tangent, samples[i].tangent));
-  const double hopeless = 30.0 * settings_.options.tolerance;
-  // Of a closed stretch the candidates come round again; its last is its first.
-  const int round = task_.rotates ? count - 1 : count;
-  const auto candidate = [&](int i) {
-    return i < round ? candidates[at(i)] : candidates[at(i - round)] + (task_.stretch.last - task_.stretch.first);
-  };
   std::vector<std::vector<double>> error(at(round));
   std::vector<char> is_must(samples.size(), 0);
   for (const Task::Must& must : task_.musts) is_must[at(must.sample)] = 1;
@@ -370,6 +376,16 @@ std::vector<std::vector<Search::Path>> Search::paths(int most) {
       if (bad > 1 || is_must[at(candidate(j))]) break;
     }
   }
+  return error;
+}
+
+// For every number of pieces the paths over the candidates with the least largest span error and with the least sum of
+// its squares, best first.
+std::vector<std::vector<Search::Path>> Search::paths(int most) {
+  const auto& candidates = task_.candidates;
+  const int count = static_cast<int>(candidates.size());
+  const int round = candidate_round();
+  const std::vector<std::vector<double>> error = span_errors(30.0 * settings_.options.tolerance);
   std::vector<std::vector<Path>> result(at(most + 1));
   const int width = task_.rotates ? round + 1 : count;
   const int rotations = task_.rotates ? std::min(round, 2 + static_cast<int>(error[0].size())) : 1;
@@ -428,23 +444,26 @@ std::vector<std::vector<Search::Path>> Search::paths(int most) {
   return result;
 }
 
-bool Search::verified(const std::vector<Bezier>& pieces) const {
+// The first pieces, `most` of them, that may not be written: too far off, an extremum within, a handle far outside, a
+// loop.
+std::vector<int> Search::faults(const std::vector<Bezier>& pieces, std::size_t most) const {
   const double tolerance = settings_.options.tolerance;
   const double sagitta = polyline_sagitta * tolerance;
-  if (settings_.options.extrema == Extrema::Keep) {
+  std::vector<int> bad;
+  const int count = static_cast<int>(pieces.size());
+  const auto has_extremum_within = [](const Bezier& b) {
     // An extremum inside a curve by more than a unit's fraction would want a node of its own.
-    constexpr double most = 0.9;
-    for (const Bezier& b : pieces) {
-      for (int axis = 0; axis < 2; ++axis) {
-        const auto [low, high] = std::minmax(b.start()[axis], b.end()[axis]);
-        for (const double u : extrema(b, axis)) {
-          const double value = evaluate(b, u)[axis];
-          if (value < low - most || value > high + most) return false;
-        }
+    constexpr double most_within = 0.9;
+    for (int axis = 0; axis < 2; ++axis) {
+      const auto [low, high] = std::minmax(b.start()[axis], b.end()[axis]);
+      for (const double u : extrema(b, axis)) {
+        const double value = evaluate(b, u)[axis];
+        if (value < low - most_within || value > high + most_within) return true;
       }
     }
-  }
-  for (const Bezier& b : pieces) {  // handles that reach far beyond their curve are an editor's nuisance
+    return false;
+  };
+  const auto has_far_handle = [](const Bezier& b) {  // an editor's nuisance
     Box box;
     box.add(b.start());
     box.add(b.end());
@@ -455,18 +474,28 @@ bool Search::verified(const std::vector<Bezier>& pieces) const {
     for (int k = 1; k < b.degree; ++k) {
       const Point& p = b.p[at(k)];
       if ((p.array() < (box.low - margin).array()).any() || (p.array() > (box.high + margin).array()).any())
-        return false;
+        return true;
     }
+    return false;
+  };
+  for (int i = 0; i < count && bad.size() < most; ++i) {
+    const Bezier& b = pieces[at(i)];
+    if ((settings_.options.extrema == Extrema::Keep && has_extremum_within(b)) || has_far_handle(b)) bad.push_back(i);
   }
+  if (!bad.empty()) return bad;
   std::vector<Point> line;
+  std::vector<int> piece_of;
   const Stretch& stretch = task_.stretch;
   if (stretch.first > 0) line.push_back(stretch.samples.front().place);
+  piece_of.resize(line.size(), 0);
   double turn = 0.0;
-  for (const Bezier& b : pieces) {
+  for (int i = 0; i < count; ++i) {
+    const Bezier& b = pieces[at(i)];
     add_polyline(b, sagitta, 20, line);
+    piece_of.resize(line.size(), i);
     Point tangent = start_tangent(b);
-    for (int i = 1; i <= 16; ++i) {
-      const Point then = tangent_at(b, i / 16.0);
+    for (int k = 1; k <= 16; ++k) {
+      const Point then = tangent_at(b, k / 16.0);
       turn += std::abs(angle(tangent, then));
       tangent = then;
     }
@@ -474,14 +503,29 @@ bool Search::verified(const std::vector<Bezier>& pieces) const {
   line.push_back(pieces.back().end());
   const bool has_after = !stretch.is_closed && stretch.last + 1 < static_cast<int>(stretch.samples.size());
   if (has_after) line.push_back(stretch.samples.back().place);
+  piece_of.resize(line.size(), count - 1);
   double source_turn = 0.0;
   const std::size_t round = stretch.is_closed ? at(stretch.last + 1) : stretch.samples.size();
   for (std::size_t i = 1; i < round; ++i)
     source_turn += std::abs(angle(stretch.samples[i - 1].tangent, stretch.samples[i].tangent));
-  if (turn > source_turn + 1.0) return false;  // a loop or a cusp
+  if (turn > source_turn + 1.0 && !task_.is_long) return {0};  // a loop or a cusp
   const double limit = tolerance * (1.0 - polyline_sagitta);
-  return stays_within(line, stretch.polyline, limit, stretch.is_closed) &&
-         stays_within(stretch.polyline, line, limit, stretch.is_closed);
+  for (const std::size_t vertex : beyond(line, stretch.polyline, limit, stretch.is_closed, most))
+    bad.push_back(piece_of[vertex]);
+  if (bad.size() < most) {
+    for (const std::size_t vertex : beyond(stretch.polyline, line, limit, stretch.is_closed, most)) {
+      std::size_t nearest = 0;
+      for (std::size_t i = 1; i < line.size(); ++i) {
+        if ((line[i] - stretch.polyline[vertex]).squaredNorm() <
+            (line[nearest] - stretch.polyline[vertex]).squaredNorm())
+          nearest = i;
+      }
+      bad.push_back(piece_of[nearest]);
+    }
+  }
+  std::sort(bad.begin(), bad.end());
+  bad.erase(std::unique(bad.begin(), bad.end()), bad.end());
+  return bad;
 }
 
 // The chain as it will be written, if that stays within the tolerance.
@@ -587,13 +631,16 @@ Chain Search::held_on_whole_numbers(const Chain& chain) const {
 // A chain solved on both sides of one piece, three pieces at most each way, the rest held; false if it is not within.
 bool Search::solves_around(Chain& chain, int piece) {
   constexpr int reach = 3;
-  const double within = aim * settings_.options.tolerance;
-  const int low = std::max(0, piece - reach);
-  const int high = std::min(chain.size(), piece + 1 + reach);  // joins
+  return solves_between(chain, std::max(0, piece - reach), std::min(chain.size(), piece + 1 + reach),
+                        aim * settings_.options.tolerance, 40);
+}
+
+// The same from one join to another.
+bool Search::solves_between(Chain& chain, int low, int high, double within, int rounds) {
   const bool is_whole = low == 0 && high == chain.size();
   if (is_whole || chain.kind == CurveKind::Quadratic) {
     ChainFit fit(task_.stretch, chain);
-    const bool is_within = fit.solve(within, 40);
+    const bool is_within = fit.solve(within, rounds);
     work_ += fit.work();
     if (is_within) chain = fit.chain();
     return is_within;
@@ -624,7 +671,7 @@ bool Search::solves_around(Chain& chain, int piece) {
   part.in = copy(chain.in);
   part.arc = copy(chain.arc);
   ChainFit fit(around, std::move(part));
-  const bool is_within = fit.solve(within, 40);
+  const bool is_within = fit.solve(within, rounds);
   work_ += fit.work();
   if (!is_within) return false;
   const Chain& solved = fit.chain();
