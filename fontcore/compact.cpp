@@ -1,8 +1,10 @@
 #include "fontcore/compact.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 #include <utility>
 
 #include "fontcore/compact_chain.h"
@@ -37,6 +39,16 @@ constexpr double sample_length = 0.04;
 constexpr double sample_turn = 8.0 * degrees;
 constexpr int most_samples_of_curve = 30;
 constexpr int most_samples = 640;
+// A stretch of so many samples that is cut so finely, em a segment, as texture is, is searched window by window: so
+// many pieces at a time, the next ones so many further on.
+constexpr double long_stretch = 30.0;
+constexpr double long_segment = 0.01;
+constexpr int segments_of_work = 64;  // that `most_work` is allowed for
+constexpr int window_pieces = 6;
+constexpr double near_enough = 2.5;  // single curves, of the tolerance, that a chain of them begins with
+constexpr int window_step = 3;
+// Rounding handles costs so much, font units.
+constexpr double room_of_handles = 0.12;
 // A long turn is cut so often to join in.
 constexpr double candidate_turn = 15.0 * degrees;
 constexpr double most_candidates = 56.0;
@@ -130,6 +142,7 @@ std::vector<std::size_t> beyond(const std::vector<Point>& a, const std::vector<P
 struct Settings {
   CompactOptions options;
   Point fraction = Point::Zero();  // whole numbers differ by it from the coordinates here
+  long most_work = 0;
 };
 
 // The nearest point of whole numbers, if coordinates are to be whole; of two as near, the one nearer to the first node.
@@ -144,6 +157,37 @@ Point whole(const Settings& settings, const Point& p) {
     rounded[axis] = takes_below ? below : below + 1.0;
   }
   return rounded;
+}
+
+double distance_from(const std::vector<Point>& line, const Point& p) {
+  double distance = never;
+  for (std::size_t i = 0; i + 1 < line.size(); ++i) {
+    const Point d = line[i + 1] - line[i];
+    const double square = d.squaredNorm();
+    const double u = square > 0.0 ? std::clamp((p - line[i]).dot(d) / square, 0.0, 1.0) : 0.0;
+    distance = std::min(distance, (p - line[i] - u * d).norm());
+  }
+  return distance;
+}
+
+// Of the points of whole numbers around another the one nearest to a polyline.
+Point whole_near(const Settings& settings, const Point& place, const std::vector<Point>& line) {
+  constexpr int around = 3;
+  const Point base = whole(settings, place);
+  Point best = base;
+  double least = never;
+  for (int x = -around; x <= around; ++x) {
+    for (int y = -around; y <= around; ++y) {
+      const Point p = base + Point(x, y);
+      // Of two as near the one closer by, so that mirroring mirrors.
+      const double cost = distance_from(line, p) + 0.02 * (p - place).norm();
+      if (cost < least) {
+        least = cost;
+        best = p;
+      }
+    }
+  }
+  return best;
 }
 
 // What is asked of a stretch beside its curve.
@@ -170,6 +214,35 @@ struct Result {
   double end_turn = 0.0;
 };
 
+// Whether an extremum lies inside a curve by more than a unit's fraction: it would want a node of its own.
+bool has_extremum_within(const Bezier& b) {
+  constexpr double most_within = 0.9;
+  for (int axis = 0; axis < 2; ++axis) {
+    const auto [low, high] = std::minmax(b.start()[axis], b.end()[axis]);
+    for (const double u : extrema(b, axis)) {
+      const double value = evaluate(b, u)[axis];
+      if (value < low - most_within || value > high + most_within) return true;
+    }
+  }
+  return false;
+}
+
+// Whether handles reach far beyond their curve: an editor's nuisance.
+bool has_far_handle(const Bezier& b) {
+  Box box;
+  box.add(b.start());
+  box.add(b.end());
+  for (int axis = 0; axis < 2; ++axis) {
+    for (const double u : extrema(b, axis)) box.add(evaluate(b, u));
+  }
+  const Point margin = Point::Constant(handle_margin * (box.high - box.low).maxCoeff());
+  for (int k = 1; k < b.degree; ++k) {
+    const Point& p = b.p[at(k)];
+    if ((p.array() < (box.low - margin).array()).any() || (p.array() > (box.high + margin).array()).any()) return true;
+  }
+  return false;
+}
+
 class Search {
  public:
   Search(const Task& task, const Settings& settings, long& work) : task_(task), settings_(settings), work_(work) {}
@@ -182,7 +255,7 @@ class Search {
     std::vector<int> breaks;
   };
 
-  bool is_exhausted() const { return work_ > settings_.options.most_work; }
+  bool is_exhausted() const { return work_ > settings_.most_work; }
   Join join_at(int sample) const;
   std::vector<Join> joins_at(const std::vector<int>& breaks) const;
   const Task::Must* must_at(int sample) const;
@@ -194,6 +267,7 @@ class Search {
   Span span(int i, int j);
   Span quadratic_span(int i, int j);
   double span_error(int i, int j) { return span(i, j).error; }
+  double free_error(int i, int j);
   Chain laid(const std::vector<int>& breaks);
   // Of a closed stretch the candidates come round again; its last is its first.
   int candidate_round() const { return static_cast<int>(task_.candidates.size()) - (task_.rotates ? 1 : 0); }
@@ -204,18 +278,33 @@ class Search {
   }
   std::vector<std::vector<double>> span_errors(double hopeless);
   std::vector<std::vector<Path>> paths(int most);
+  Result result_of(std::vector<Bezier> pieces, const Chain& chain) const;
   std::optional<Result> accepted(ChainFit fit);
   Chain held_on_whole_numbers(const Chain& chain) const;
+  void hold_window(Chain& chain, int low, int high) const;
+  static void release_window(Chain& chain, int low, int high);
+  bool solves_window(Chain& chain, int low, int high, double within);
   std::optional<Result> tried(const std::vector<int>& breaks, double* error = nullptr);
+  std::optional<Result> windowed();
+  std::vector<int> fewest(double limit) const;
+  std::optional<Path> path_between(int from, int to, int pieces) const;
+  Chain relaid(const Chain& chain, int low, int high, const std::vector<int>& inside);
+  void settle(Chain& chain, int low, int high) const;
+  int candidate_after(int sample) const;
+  bool replan(Chain& chain, int low, int& high, int least, int most, double within);
+  void sweep(Chain& chain, const std::vector<int>& next, double within);
   bool solves_around(Chain& chain, int piece);
   bool solves_between(Chain& chain, int low, int high, double within, int rounds);
   std::vector<Chain> shortened(Chain chain);
+  bool has_fault(const Bezier& piece) const;
+  bool is_near(const Chain& chain, int index) const;
   std::vector<int> faults(const std::vector<Bezier>& pieces, std::size_t most) const;
   bool verified(const std::vector<Bezier>& pieces) const { return faults(pieces, 1).empty(); }
 
   const Task& task_;
   const Settings& settings_;
   long& work_;
+  std::vector<std::vector<double>> errors_;  // long stretches: of single curves from every candidate on
 };
 
 const Task::Must* Search::must_at(int sample) const {
@@ -253,10 +342,11 @@ Search::Span Search::span(int i, int j) {
   const Point u1 = b.tangent;
   double out = arc / 3.0;
   double in = arc / 3.0;
-  constexpr int most = 16;
+  constexpr int most_looked_at = 40;
+  const int most = task_.is_long ? most_looked_at : 16;  // texture must not fall between them
   const int step = 1 + (j - i - 1) / (most - 2);
-  double u[most];
-  Point place[most];
+  double u[most_looked_at];
+  Point place[most_looked_at];
   int count = 0;
   for (int m = i + 1; m < j && count < most; m += step) {
     place[count] = samples[at(m)].place;
@@ -353,6 +443,49 @@ Chain Search::laid(const std::vector<int>& breaks) {
   return chain;
 }
 
+// How near to the source between two samples one cubic can be that may end anywhere: by least squares, whose largest
+// distance a solution undercuts by a quarter.
+double Search::free_error(int i, int j) {
+  const auto& samples = task_.stretch.samples;
+  constexpr int most = 40;
+  constexpr int rounds = 3;
+  constexpr double undercut = 0.75;
+  const int step = 1 + (j - i) / (most - 1);
+  const double arc = samples[at(j)].s - samples[at(i)].s;
+  double u[most];
+  Point place[most];
+  int count = 0;
+  for (int m = i; m <= j && count < most; m += step) {
+    place[count] = samples[at(m)].place;
+    u[count++] = (samples[at(m)].s - samples[at(i)].s) / arc;
+  }
+  double worst = 0.0;
+  for (int round = 0; round < rounds; ++round) {
+    Eigen::Matrix4d normal = Eigen::Matrix4d::Zero();
+    Eigen::Matrix<double, 4, 2> right = Eigen::Matrix<double, 4, 2>::Zero();
+    for (int m = 0; m < count; ++m) {
+      const auto weight = bernstein(3, u[m]);
+      const Eigen::Vector4d b(weight[0], weight[1], weight[2], weight[3]);
+      normal += b * b.transpose();
+      right += b * place[m].transpose();
+    }
+    normal.diagonal().array() += 1e-9;
+    const Eigen::Matrix<double, 4, 2> control = normal.llt().solve(right);
+    Bezier curve{{}, 3};
+    for (int k = 0; k < 4; ++k) curve.p[at(k)] = control.row(k).transpose();
+    worst = 0.0;
+    for (int m = 0; m < count; ++m) {
+      const Point e = evaluate(curve, u[m]) - place[m];
+      const Point d = derivative(curve, u[m]);
+      const double square = d.squaredNorm() + 1e-12;
+      worst = std::max(worst, std::abs(cross(d, e)) / std::sqrt(square));
+      u[m] = std::clamp(u[m] - e.dot(d) / square, 0.0, 1.0);
+    }
+  }
+  work_ += count * rounds / 2;
+  return undercut * worst;
+}
+
 // The errors of single curves from every candidate to those after it, up to the second that is hopeless.
 std::vector<std::vector<double>> Search::span_errors(double hopeless) {
   const auto& samples = task_.stretch.samples;
@@ -361,6 +494,25 @@ std::vector<std::vector<double>> Search::span_errors(double hopeless) {
   std::vector<double> turn(samples.size(), 0.0);
   for (std::size_t i = 1; i < samples.size(); ++i)
     turn[i] = turn[i - 1] + std::abs(angle(samples[i - 1].tangent, samples[i].tangent));
+  std::vector<int> waves(samples.size(), 0);  // changes of side so far
+  double since = 0.0;                         // the turn since the last of them
+  double back = 0.0;                          // and what has gone back of it
+  for (std::size_t i = 1; i < samples.size(); ++i) {
+    constexpr double least = 4.0 * degrees;
+    const double turned = angle(samples[i - 1].tangent, samples[i].tangent);
+    waves[i] = waves[i - 1];
+    if (since * turned < 0.0) {
+      back += turned;
+      if (std::abs(back) > least) {
+        ++waves[i];
+        since = back;
+        back = 0.0;
+      }
+    } else {
+      since += turned;
+      back = std::abs(back) < std::abs(turned) ? 0.0 : back + turned;
+    }
+  }
   std::vector<std::vector<double>> error(at(round));
   std::vector<char> is_must(samples.size(), 0);
   for (const Task::Must& must : task_.musts) is_must[at(must.sample)] = 1;
@@ -370,7 +522,12 @@ std::vector<std::vector<double>> Search::span_errors(double hopeless) {
       const double turned = turn[at(candidate(j))] - turn[at(candidate(i))];
       if (turned > 4.0 && j > i + 1) break;
       const bool is_straight = j == i + 1 && turned < 0.02;
-      const double here = is_straight ? 0.0 : span_error(candidate(i), candidate(j));
+      // Of curves that follow the source a solution wins much over single ones; those that cut through its waves are
+      // as good as they can be.
+      const bool cuts = task_.is_long && waves[at(candidate(j))] > waves[at(candidate(i))] + 1;
+      const double here = is_straight ? 0.0
+                          : cuts      ? near_enough * free_error(candidate(i), candidate(j))
+                                      : span_error(candidate(i), candidate(j));
       error[at(i)].push_back(here);
       bad = here > hopeless ? bad + 1 : 0;
       if (bad > 1 || is_must[at(candidate(j))]) break;
@@ -444,6 +601,31 @@ std::vector<std::vector<Search::Path>> Search::paths(int most) {
   return result;
 }
 
+bool Search::has_fault(const Bezier& piece) const {
+  const CompactOptions& options = settings_.options;
+  // Of long stretches on whole numbers a unit of which is much, some extrema are none.
+  const bool is_coarse = task_.is_long && options.coordinates == Coordinates::Whole && options.tolerance < 1.0;
+  if (options.extrema == Extrema::Keep && !is_coarse && has_extremum_within(piece)) return true;
+  return has_far_handle(piece);
+}
+
+// Whether a piece keeps to the source below it, at places between the samples' feet too.
+bool Search::is_near(const Chain& chain, int index) const {
+  constexpr int places = 12;
+  constexpr int beyond_ends = 3;
+  const auto& samples = task_.stretch.samples;
+  const int from = std::max(0, chain.breaks[at(index)] - beyond_ends);
+  const int to = std::min(static_cast<int>(samples.size()) - 1, chain.breaks[at(index + 1)] + beyond_ends);
+  std::vector<Point> line;
+  for (int m = from; m <= to; ++m) line.push_back(samples[at(m)].place);
+  const Bezier piece = chain.piece(index);
+  for (int i = 1; i < places; ++i) {
+    if (distance_from(line, evaluate(piece, static_cast<double>(i) / places)) > settings_.options.tolerance)
+      return false;
+  }
+  return true;
+}
+
 // The first pieces, `most` of them, that may not be written: too far off, an extremum within, a handle far outside, a
 // loop.
 std::vector<int> Search::faults(const std::vector<Bezier>& pieces, std::size_t most) const {
@@ -451,36 +633,9 @@ std::vector<int> Search::faults(const std::vector<Bezier>& pieces, std::size_t m
   const double sagitta = polyline_sagitta * tolerance;
   std::vector<int> bad;
   const int count = static_cast<int>(pieces.size());
-  const auto has_extremum_within = [](const Bezier& b) {
-    // An extremum inside a curve by more than a unit's fraction would want a node of its own.
-    constexpr double most_within = 0.9;
-    for (int axis = 0; axis < 2; ++axis) {
-      const auto [low, high] = std::minmax(b.start()[axis], b.end()[axis]);
-      for (const double u : extrema(b, axis)) {
-        const double value = evaluate(b, u)[axis];
-        if (value < low - most_within || value > high + most_within) return true;
-      }
-    }
-    return false;
-  };
-  const auto has_far_handle = [](const Bezier& b) {  // an editor's nuisance
-    Box box;
-    box.add(b.start());
-    box.add(b.end());
-    for (int axis = 0; axis < 2; ++axis) {
-      for (const double u : extrema(b, axis)) box.add(evaluate(b, u));
-    }
-    const Point margin = Point::Constant(handle_margin * (box.high - box.low).maxCoeff());
-    for (int k = 1; k < b.degree; ++k) {
-      const Point& p = b.p[at(k)];
-      if ((p.array() < (box.low - margin).array()).any() || (p.array() > (box.high + margin).array()).any())
-        return true;
-    }
-    return false;
-  };
   for (int i = 0; i < count && bad.size() < most; ++i) {
     const Bezier& b = pieces[at(i)];
-    if ((settings_.options.extrema == Extrema::Keep && has_extremum_within(b)) || has_far_handle(b)) bad.push_back(i);
+    if (has_fault(b)) bad.push_back(i);
   }
   if (!bad.empty()) return bad;
   std::vector<Point> line;
@@ -528,29 +683,31 @@ std::vector<int> Search::faults(const std::vector<Bezier>& pieces, std::size_t m
   return bad;
 }
 
-// The chain as it will be written, if that stays within the tolerance.
-std::optional<Result> Search::accepted(ChainFit fit) {
-  const double tolerance = settings_.options.tolerance;
+// The pieces of a chain, with what it has done to corners.
+Result Search::result_of(std::vector<Bezier> pieces, const Chain& chain) const {
   const auto turn_of = [](const Join& join, const Point& tangent) {
     return join.is_corner ? join.turned + angle(join.tangent, tangent) : 0.0;
   };
-  const auto result_of = [&](std::vector<Bezier> pieces, const Chain& chain) {
-    int first = -1;
-    for (int i = 0; i < chain.size(); ++i) {
-      if (chain.joins[at(i)].is_first) first = i;
+  int first = -1;
+  for (int i = 0; i < chain.size(); ++i) {
+    if (chain.joins[at(i)].is_first) first = i;
+  }
+  if (first < 0 && task_.first) {  // the node nearest to it, of the stretch and the one that ends it
+    double least = never;
+    for (int i = 0; i <= chain.size(); ++i) {
+      const Point node = i < chain.size() ? pieces[at(i)].start() : pieces.back().end();
+      if ((node - *task_.first).squaredNorm() >= least) continue;
+      least = (node - *task_.first).squaredNorm();
+      first = i;
     }
-    if (first < 0 && task_.first) {  // the node nearest to it, of the stretch and the one that ends it
-      double least = never;
-      for (int i = 0; i <= chain.size(); ++i) {
-        const Point node = i < chain.size() ? pieces[at(i)].start() : pieces.back().end();
-        if ((node - *task_.first).squaredNorm() >= least) continue;
-        least = (node - *task_.first).squaredNorm();
-        first = i;
-      }
-    }
-    return Result{pieces, first, turn_of(chain.joins.front(), start_tangent(pieces.front())),
-                  chain.is_closed ? 0.0 : turn_of(chain.joins.back(), end_tangent(pieces.back()))};
-  };
+  }
+  return Result{pieces, first, turn_of(chain.joins.front(), start_tangent(pieces.front())),
+                chain.is_closed ? 0.0 : turn_of(chain.joins.back(), end_tangent(pieces.back()))};
+}
+
+// The chain as it will be written, if that stays within the tolerance.
+std::optional<Result> Search::accepted(ChainFit fit) {
+  const double tolerance = settings_.options.tolerance;
   if (settings_.options.coordinates == Coordinates::Any) {
     std::vector<Bezier> pieces;
     for (int i = 0; i < fit.chain().size(); ++i) pieces.push_back(fit.chain().piece(i));
@@ -568,10 +725,10 @@ std::optional<Result> Search::accepted(ChainFit fit) {
   fit.solve(std::max(0.2 * tolerance, tolerance - 0.75), 30, ChainFit::Until::Least);
   work_ += fit.work() - before;
   const auto on_whole_numbers = [&](const ChainFit& on, int reach, std::size_t states) -> std::optional<Result> {
-    const auto pieces = on.rounded(settings_.fraction, 1.05 * tolerance, reach, states);
+    auto pieces = on.rounded(settings_.fraction, 1.05 * tolerance, reach, states).pieces;
     work_ += static_cast<long>(task_.stretch.samples.size()) * (reach == 0 ? 4 : 20);  // by the time they take
-    if (!pieces || !verified(*pieces)) return std::nullopt;
-    return result_of(*pieces, on.chain());
+    if (pieces.empty() || !verified(pieces)) return std::nullopt;
+    return result_of(std::move(pieces), on.chain());
   };
   if (auto result = on_whole_numbers(fit, 0, 24)) return result;
   if (auto result = on_whole_numbers(fit, 1, 48)) return result;
@@ -588,7 +745,6 @@ std::optional<Result> Search::accepted(ChainFit fit) {
 // Joins that may be anywhere held at points of whole numbers, of those near by the one nearest to the chain's own
 // curves.
 Chain Search::held_on_whole_numbers(const Chain& chain) const {
-  constexpr int around = 3;
   constexpr int steps = 48;
   Chain held = chain;
   if (chain.kind == CurveKind::Quadratic) return held;
@@ -602,27 +758,7 @@ Chain Search::held_on_whole_numbers(const Chain& chain) const {
       const Bezier curve = chain.piece(piece);
       for (int i = 0; i <= steps; ++i) near.push_back(evaluate(curve, from + 0.5 * i / steps));
     }
-    const Point base = whole(settings_, join.place);
-    double least = never;
-    for (int x = -around; x <= around; ++x) {
-      for (int y = -around; y <= around; ++y) {
-        const Point p = base + Point(x, y);
-        double distance = never;
-        for (std::size_t i = 0; i + 1 < near.size(); ++i) {
-          const Point d = near[i + 1] - near[i];
-          const double square = d.squaredNorm();
-          const double u = square > 0.0 ? std::clamp((p - near[i]).dot(d) / square, 0.0, 1.0) : 0.0;
-          distance = std::min(distance, (p - near[i] - u * d).norm());
-        }
-        // Of two as near the one closer by, so that mirroring mirrors.
-        const double cost = distance + 0.02 * (p - join.place).norm();
-        if (cost < least) {
-          least = cost;
-          join.home = p;
-        }
-      }
-    }
-    join.place = join.home;
+    join.place = join.home = whole_near(settings_, join.place, near);
     join.moves = false;
   }
   return held;
@@ -763,10 +899,290 @@ std::optional<Result> Search::tried(const std::vector<int>& breaks, double* erro
   return std::nullopt;
 }
 
+// --- long stretches
+
+// From every candidate the next one of the path to the end whose every span is within a limit, or cannot be shorter: of
+// the fewest pieces, and of these that with the least sum of squares.
+std::vector<int> Search::fewest(double limit) const {
+  const auto count = task_.candidates.size();
+  constexpr double share = 1e-5;  // of a piece: what errors count
+  std::vector<double> least(count, never);
+  std::vector<int> next(count, static_cast<int>(count) - 1);
+  least[count - 1] = 0.0;
+  for (std::size_t i = count - 1; i-- > 0;) {
+    const auto& spans = errors_[i];
+    for (std::size_t l = 0; l < spans.size() && i + l + 1 < count; ++l) {
+      const double e = spans[l] / limit;
+      if (e > 1.0 && l > 0) continue;
+      const double value = least[i + l + 1] + 1.0 + share * e * e;
+      if (value >= least[i]) continue;
+      least[i] = value;
+      next[i] = static_cast<int>(i + l) + 1;
+    }
+  }
+  return next;
+}
+
+// The path of so many pieces from one candidate to another with the least largest span error, and of these with the
+// least sum of squares.
+std::optional<Search::Path> Search::path_between(int from, int to, int pieces) const {
+  const int width = to - from + 1;
+  if (width <= pieces) return std::nullopt;
+  struct Sum {
+    double largest = never;
+    double squares = never;
+    int from = 0;
+  };
+  std::vector<std::vector<Sum>> best(at(pieces + 1), std::vector<Sum>(at(width)));
+  best[0][0] = {0.0, 0.0, 0};
+  for (int k = 1; k <= pieces; ++k) {
+    for (int i = k - 1; i < width; ++i) {
+      const Sum& before = best[at(k - 1)][at(i)];
+      if (before.largest == never) continue;
+      const auto& spans = errors_[at(from + i)];
+      for (int l = 0; l < static_cast<int>(spans.size()) && i + l + 1 < width; ++l) {
+        const double e = spans[at(l)];
+        const Sum here{std::max(before.largest, e), before.squares + e * e, i};
+        Sum& known = best[at(k)][at(i + l + 1)];
+        if (std::pair(here.largest, here.squares) < std::pair(known.largest, known.squares)) known = here;
+      }
+    }
+  }
+  if (best[at(pieces)].back().largest == never) return std::nullopt;
+  Path path{best[at(pieces)].back().largest, {}};
+  int i = width - 1;
+  for (int k = pieces; k > 1; --k) {
+    i = best[at(k)][at(i)].from;
+    path.breaks.push_back(task_.candidates[at(from + i)]);
+  }
+  std::reverse(path.breaks.begin(), path.breaks.end());
+  return path;
+}
+
+// A chain with other joins between two, at these samples.
+Chain Search::relaid(const Chain& chain, int low, int high, const std::vector<int>& inside) {
+  Chain now = chain;
+  const auto replace = [&](auto& list, int begin, int end, const auto& by) {
+    list.erase(list.begin() + begin, list.begin() + end);
+    list.insert(list.begin() + begin, by.begin(), by.end());
+  };
+  std::vector<Join> joins;
+  for (const int sample : inside) joins.push_back(join_at(sample));
+  replace(now.joins, low + 1, high, joins);
+  replace(now.breaks, low + 1, high, inside);
+  const auto& samples = task_.stretch.samples;
+  std::vector<double> out;
+  std::vector<double> in;
+  std::vector<double> arc;
+  for (int i = low; i <= low + static_cast<int>(inside.size()); ++i) {
+    const int a = now.breaks[at(i)];
+    const int b = now.breaks[at(i + 1)];
+    const Span alone = span(a, b);
+    out.push_back(alone.out);
+    in.push_back(alone.in);
+    arc.push_back(samples[at(b)].s - samples[at(a)].s);
+  }
+  replace(now.out, low, high, out);
+  replace(now.in, low, high, in);
+  replace(now.arc, low, high, arc);
+  return now;
+}
+
+// The samples where the joins between two are by now.
+void Search::settle(Chain& chain, int low, int high) const {
+  const auto& samples = task_.stretch.samples;
+  for (int j = low + 1; j < high; ++j) {
+    int& own = chain.breaks[at(j)];
+    const Point& place = chain.joins[at(j)].place;
+    double least = never;
+    int nearest = own;
+    for (int m = chain.breaks[at(j - 1)] + 1; m < chain.breaks[at(j + 1)]; ++m) {
+      const double square = (samples[at(m)].place - place).squaredNorm();
+      if (square < least) {
+        least = square;
+        nearest = m;
+      }
+    }
+    own = nearest;
+  }
+  for (int i = low; i < high; ++i)
+    chain.arc[at(i)] = samples[at(chain.breaks[at(i + 1)])].s - samples[at(chain.breaks[at(i)])].s;
+}
+
+// Joins inside a window held at whole numbers, and set free again: they may be anywhere, or along their rail.
+void Search::hold_window(Chain& chain, int low, int high) const {
+  for (int j = low + 1; j < high; ++j) {
+    Join& join = chain.joins[at(j)];
+    join.is_held = !join.is_first;
+    if (!join.slides && !join.moves) continue;
+    // Near to the source: the chain is off by up to the tolerance already.
+    constexpr int around = 3;
+    constexpr double share = 0.4;
+    const auto& samples = task_.stretch.samples;
+    std::vector<Point> near;
+    const int to = std::min(chain.breaks[at(j)] + around, static_cast<int>(samples.size()) - 1);
+    for (int m = std::max(0, chain.breaks[at(j)] - around); m <= to; ++m) near.push_back(samples[at(m)].place);
+    if (join.moves) {
+      join.place = whole_near(settings_, join.place, near);
+    } else {
+      Point place = whole(settings_, join.place);
+      for (double slid = 0.75; slid >= 0.0 && distance_from(near, place) > share * settings_.options.tolerance;
+           slid -= 0.25)
+        place = whole(settings_, join.home + slid * join.slid * join.rail);
+      join.place = place;
+    }
+    join.moves = join.slides = false;
+    join.home = join.place;
+  }
+}
+
+void Search::release_window(Chain& chain, int low, int high) {
+  for (int j = low + 1; j < high; ++j) {
+    Join& join = chain.joins[at(j)];
+    if (!join.is_held) continue;
+    join.is_held = false;
+    join.slides = join.rail != Point::Zero();
+    join.moves = !join.slides;
+    join.slid = 0.0;
+  }
+}
+
+// Whether a window is within a distance, on whole numbers with its joins on such and room for handles to be.
+bool Search::solves_window(Chain& chain, int low, int high, double within) {
+  constexpr int rounds = 40;
+  if (settings_.options.coordinates == Coordinates::Any) return solves_between(chain, low, high, within, rounds);
+  const double held_within = within - std::min(room_of_handles, 0.4 * within);
+  release_window(chain, low, high);
+  if (!solves_between(chain, low, high, held_within, rounds)) return false;
+  settle(chain, low, high);
+  hold_window(chain, low, high);
+  return solves_between(chain, low, high, held_within, rounds);
+}
+
+int Search::candidate_after(int sample) const {
+  const auto next = std::lower_bound(task_.candidates.begin(), task_.candidates.end(), sample);
+  return static_cast<int>(next - task_.candidates.begin());
+}
+
+// The pieces between two joins made anew: as few as come within a distance, of numbers in a range. False if none do,
+// and the chain is as it was.
+bool Search::replan(Chain& chain, int low, int& high, int least, int most, double within) {
+  const int from = candidate_after(chain.breaks[at(low)]);
+  const int to = candidate_after(chain.breaks[at(high)]);
+  const int own = high - low;
+  const auto takes = [&](Chain tried, int pieces) {
+    if (!solves_window(tried, low, low + pieces, within)) return false;
+    settle(tried, low, low + pieces);
+    for (int i = low; i < low + pieces; ++i) {
+      if (has_fault(tried.piece(i)) || !is_near(tried, i)) return false;
+    }
+    chain = std::move(tried);
+    high = low + pieces;
+    return true;
+  };
+  // One piece more and another, then as many as follow the source more and more closely.
+  constexpr int one_by_one = 3;
+  constexpr double hope = 4.0;  // what a solution wins over single curves
+  constexpr double limits[] = {1.6, 1.0, 0.6, 0.35, 0.2, 0.1};
+  std::size_t limit = 0;
+  int tries = 0;
+  for (int m = least; m <= std::min(most, to - from); ++m) {
+    auto path = path_between(from, to, m);
+    if (tries >= one_by_one) {
+      if (limit == std::size(limits)) return false;
+      while ((!path || path->error > limits[limit] * within) && m < most) path = path_between(from, to, ++m);
+      ++limit;
+    }
+    if (m == own && takes(chain, m)) return true;
+    if (!path || path->error > hope * settings_.options.tolerance) continue;
+    ++tries;
+    const bool is_in_order = std::all_of(path->breaks.begin(), path->breaks.end(), [&](int sample) {
+      return sample > chain.breaks[at(low)] && sample < chain.breaks[at(high)];
+    });
+    if (is_in_order && takes(relaid(chain, low, high, path->breaks), m)) return true;
+  }
+  return false;
+}
+
+// Window after window with as few pieces as come within a distance. `next` is the path of the curves that a solution
+// may take to it: where windows end.
+void Search::sweep(Chain& chain, const std::vector<int>& next, double within) {
+  const bool is_whole = settings_.options.coordinates == Coordinates::Whole;
+  const int last = static_cast<int>(task_.candidates.size()) - 1;
+  for (int low = 0; low < chain.size();) {
+    int end = std::min(candidate_after(chain.breaks[at(low)]), last);
+    int least = 0;
+    for (; least < window_pieces && end < last; ++least) end = next[at(end)];
+    int high = low + 1;
+    while (high < chain.size() && chain.breaks[at(high)] < task_.candidates[at(end)]) ++high;
+    const int now = high - low;
+    const bool is_shorter = !is_exhausted() && replan(chain, low, high, std::max(1, least - 1), now - 1, within);
+    // On whole numbers joins have still to be on such.
+    if (!is_shorter && is_whole) replan(chain, low, high, now, now + window_pieces, within);
+    if (high == chain.size()) break;
+    low = std::max(low + 1, high - window_step);
+  }
+}
+
+// A long stretch: single curves that are within the tolerance to begin with, then window after window with as few
+// pieces as do. What cannot be written in the end is mended, and if that fails it is the single curves. A closed
+// chain's first join stays where it begins.
+std::optional<Result> Search::windowed() {
+  const double tolerance = settings_.options.tolerance;
+  constexpr double hopeless = 6.0;
+  constexpr double safe = 0.7;
+  errors_ = span_errors(hopeless * tolerance);
+  std::vector<int> breaks;
+  const std::vector<int> safely = fewest(safe * tolerance);
+  breaks.push_back(task_.candidates.front());
+  for (int i = 0; breaks.back() != task_.candidates.back(); i = safely[at(i)]) {
+    const int end = safely[at(i)];
+    // What would cut through waves has to be solved: until then it follows them.
+    const bool follows = span_error(task_.candidates[at(i)], task_.candidates[at(end)]) <= safe * tolerance;
+    for (int j = follows ? end : i + 1; j <= end; ++j) breaks.push_back(task_.candidates[at(j)]);
+  }
+  const Chain safe_chain = laid(breaks);
+  Chain chain = safe_chain;
+  sweep(chain, fewest(near_enough * tolerance), aim * tolerance);
+  const bool is_whole = settings_.options.coordinates == Coordinates::Whole;
+  constexpr int repairs = 8;
+  for (int repair = 0; repair < repairs; ++repair) {
+    std::vector<Bezier> pieces;
+    std::vector<int> bad;
+    if (is_whole) {
+      const ChainFit fit(task_.stretch, chain);
+      auto rounded = fit.rounded(settings_.fraction, 1.05 * tolerance, 1, 48);
+      work_ += static_cast<long>(task_.stretch.samples.size()) * 20;
+      bad = std::move(rounded.blocked);
+      pieces = std::move(rounded.pieces);
+    } else {
+      for (int i = 0; i < chain.size(); ++i) pieces.push_back(chain.piece(i));
+    }
+    if (bad.empty()) bad = faults(pieces, pieces.size());
+    if (bad.empty()) return result_of(std::move(pieces), chain);
+    if (repair + 2 == repairs && !is_whole) {
+      chain = safe_chain;
+      continue;
+    }
+    const double share = is_whole ? 0.9 - 0.08 * repair : 0.9;  // more and more room for rounding
+    int mended = chain.size();                                  // from there on
+    for (auto piece = bad.rbegin(); piece != bad.rend(); ++piece) {
+      if (*piece >= mended) continue;
+      const int low = std::max(0, *piece - 2 - repair);
+      mended = low;
+      int high = std::min(chain.size(), *piece + 3 + repair);
+      const int now = high - low;
+      replan(chain, low, high, now + (repair > 0 ? 1 : 0), 2 * now + window_pieces, share * tolerance);
+    }
+  }
+  return std::nullopt;
+}
+
 std::optional<Result> Search::run() {
   const Stretch& stretch = task_.stretch;
   const int most = std::min(task_.most_pieces, static_cast<int>(task_.candidates.size()) - 1);
   if (most < 1) return std::nullopt;
+  if (task_.is_long) return windowed();
   if (task_.musts.empty() && !stretch.is_closed) {
     std::vector<int> ends{stretch.first, stretch.last};
     if (auto result = tried(ends)) return result;
@@ -873,6 +1289,7 @@ class ContourFit {
 
 ContourFit::ContourFit(const BezierContour& source, const CompactOptions& options) : source_(source) {
   settings_.options = options;
+  settings_.most_work = options.most_work * std::max(1, source.segment_count() / segments_of_work);
   origin_ = source.point(source.node(0));
   for (int axis = 0; axis < 2; ++axis) settings_.fraction[axis] = origin_[axis] - std::floor(origin_[axis]);
 }
@@ -1130,17 +1547,20 @@ Task ContourFit::task_of(int from, int to) const {
   std::vector<Extent> extents;
   std::vector<double> weights;
   double total = 0.0;
+  double length = 0.0;
   for (int i = from; i < to; ++i) {
     extents.push_back(extent_of(element(i).curve));
     weights.push_back(extents.back().length / (sample_length * em) + extents.back().turn / sample_turn);
     total += weights.back();
+    length += extents.back().length;
     stretch.source.push_back(element(i).curve);
   }
-  const int fewest = static_cast<double>(to - from) * 3.0 + total > most_samples ? 1 : 3;
-  const double scale = std::min(1.0, most_samples / (total + 1.0));
+  task.is_long = options.curve == CurveKind::Cubic && total > long_stretch && length < long_segment * em * (to - from);
+  const int fewest = task.is_long || static_cast<double>(to - from) * 3.0 + total > most_samples ? 1 : 3;
+  const double scale = task.is_long ? 1.0 : std::min(1.0, most_samples / (total + 1.0));
   // Of many candidates those that are far enough apart.
   const bool has_many = static_cast<double>(to - from) + total * sample_turn / candidate_turn > most_candidates;
-  const double least_gap = has_many ? total / most_candidates : 0.0;
+  const double least_gap = task.is_long ? candidate_turn / sample_turn : has_many ? total / most_candidates : 0.0;
   double since = never;
   for (int i = from; i < to; ++i) {
     const Bezier& b = element(i).curve;
@@ -1180,7 +1600,8 @@ Task ContourFit::task_of(int from, int to) const {
   std::vector<Task::Must>& musts = task.musts;
   const int n = static_cast<int>(samples.size());
   if (options.extrema == Extrema::Keep) {
-    const double prominence = std::min(options.tolerance, 0.8);
+    constexpr double unit = 0.8;  // hardly
+    const double prominence = task.is_long ? unit : std::min(options.tolerance, unit);
     for (int axis = 0; axis < 2; ++axis) {
       const auto component = [&](int i) { return samples[at(i)].tangent[axis]; };
       constexpr double none = 1e-9;
@@ -1230,7 +1651,15 @@ Task ContourFit::task_of(int from, int to) const {
           join.slides = true;
           join.slide_low = -extremum_slide * em;
           join.slide_high = extremum_slide * em;
-          if (leaves(1) && leaves(-1)) {
+          bool has_height = true;
+          if (task.is_long && options.coordinates == Coordinates::Whole) {
+            // What lies between whole numbers by much of the tolerance can be no node of that height.
+            const double height = whole(join.place)[axis];
+            constexpr double share = 0.6;
+            has_height = std::abs(height - join.place[axis]) < share * options.tolerance;
+            join.place[axis] = join.home[axis] = height;
+          }
+          if (has_height && leaves(1) && leaves(-1)) {
             const bool at_end = best == stretch.first || best == stretch.last;
             if (!at_end) {
               musts.push_back({best, join});
@@ -1243,6 +1672,23 @@ Task ContourFit::task_of(int from, int to) const {
         sense = own;
         since_sample = i;
       }
+    }
+  }
+  if (task.is_long && stretch.is_closed && holds_first) {
+    // The first node as near to the curve as whole numbers are.
+    const Sample& own = samples[at(stretch.first)];
+    const Point off = task.start.place - own.place;
+    constexpr double share = 0.5;
+    if (std::abs(cross(own.tangent, off)) > share * options.tolerance) {
+      std::vector<Point> near;
+      constexpr double reach = 4.0;
+      for (int i = stretch.last - 1; i > 0 && (samples[at(i)].place - own.place).norm() < reach; --i)
+        near.insert(near.begin(), samples[at(i)].place);
+      for (int i = stretch.first; i < stretch.last && (samples[at(i)].place - own.place).norm() < reach; ++i)
+        near.push_back(samples[at(i)].place);
+      task.start.place = task.start.home = whole_near(settings_, own.place, near);
+      task.start.tangent = own.tangent;
+      task.start.turns = true;
     }
   }
   for (int i = stretch.is_closed ? from : from + 1; i < to; ++i) {
@@ -1272,6 +1718,23 @@ Task ContourFit::task_of(int from, int to) const {
     i = musts[i].sample == musts[i - 1].sample
             ? static_cast<std::size_t>(musts.erase(musts.begin() + static_cast<long>(i)) - musts.begin())
             : i + 1;
+  }
+  if (task.is_long && options.coordinates == Coordinates::Whole) {
+    // Nodes so near to each other have no handles on whole numbers.
+    constexpr double near = 6.0;
+    const auto is_near_end = [&](int sample) {
+      const Point& place = samples[at(sample)].place;
+      return (place - task.start.place).norm() < near || (!stretch.is_closed && (place - task.end.place).norm() < near);
+    };
+    std::vector<Task::Must> apart;
+    for (const Task::Must& must : musts) {
+      const Point& place = must.join.place;
+      if (!is_near_end(must.sample) && (apart.empty() || (place - apart.back().join.place).norm() >= near))
+        apart.push_back(must);
+    }
+    musts = std::move(apart);
+    std::erase_if(task.candidates,
+                  [&](int sample) { return sample != stretch.first && sample != stretch.last && is_near_end(sample); });
   }
   for (const Task::Must& must : musts) task.candidates.push_back(must.sample);
   std::sort(task.candidates.begin(), task.candidates.end());
@@ -1370,8 +1833,8 @@ CompactFit ContourFit::run() {
         ended += element(i).sources > 0 ? 1 : 0;
       }
     } else {
-      return as_it_was(work_ > options.most_work ? too_much_work
-                                                 : "no quadratics were found that stay within the tolerance");
+      return as_it_was(work_ > settings_.most_work ? too_much_work
+                                                   : "no quadratics were found that stay within the tolerance");
     }
     written += static_cast<int>(pieces.size());
     from = to;
@@ -1394,7 +1857,7 @@ CompactFit ContourFit::run() {
   std::rotate(segment.begin(), segment.begin() + first, segment.end());
   bool is_admissible_as_is = true;
   for (int s = 0; s < source_.segment_count(); ++s) is_admissible_as_is = is_admissible_as_is && is_admissible(s);
-  const std::string why = work_ > options.most_work ? too_much_work : std::string();
+  const std::string why = work_ > settings_.most_work ? too_much_work : std::string();
   if (is_admissible_as_is && written >= source_.segment_count()) return as_it_was(why);
 
   std::optional<Point> implied_first;

@@ -24,7 +24,8 @@ struct CompactOptions {
   double straight_run = 0.03;      ///< straight runs this long stay lines, em
   std::vector<int> corners;        ///< points of the contour that are corners however little they turn
   std::vector<int> kept_segments;  ///< segments of the contour that come out as they are, bit for bit; ascending
-  long most_work = 170'000;        ///< samples looked at by the solver: in a millisecond about ten thousand or more
+  /// Samples looked at by the solver, for every 64 segments: in a millisecond about ten thousand or more.
+  long most_work = 170'000;
 };
 
 /// An outline of fewer segments, and where it is farthest from the one it stands for.
@@ -50,6 +51,9 @@ struct CompactFit {
 /// to where it was. A corner keeps its angle within 2 degrees and what one and a half units at its shorter handle turn
 /// it. The source's own nodes mean nothing but a hint where to join: it may be cut as finely as it likes. With more
 /// than `most_work` to do, stretches not yet looked at stay as they are.
+///
+/// Cubics for a stretch that is cut very finely, as texture is, come from a search window by window, linear in length;
+/// on whole numbers half a unit or so is less than texture can be followed within, and `why` says so.
 ///
 /// Segments to be kept keep points and kinds, whole numbers or not; what is fitted between them meets their ends
 /// exactly, and goes on from them smoothly where the source turns by no more than `corner_angle`. The first node stays

@@ -524,8 +524,8 @@ struct State {
 
 }  // namespace
 
-std::optional<std::vector<Bezier>> ChainFit::rounded(const Point& fraction, double most_distance, int reach,
-                                                     std::size_t most_states) const {
+ChainFit::Rounded ChainFit::rounded(const Point& fraction, double most_distance, int reach,
+                                    std::size_t most_states) const {
   const bool cubic = chain_.kind == CurveKind::Cubic;
   const int k = chain_.size();
   const int count = static_cast<int>(chain_.joins.size());
@@ -625,7 +625,7 @@ std::optional<std::vector<Bezier>> ChainFit::rounded(const Point& fraction, doub
         }
       }
     }
-    if (list.empty()) return std::nullopt;
+    if (list.empty()) return {{}, {std::min(j, k - 1)}};
     // The best of them, in order; of equals those found first.
     const std::size_t count_kept = std::min(list.size(), most_states);
     std::vector<std::pair<double, std::size_t>> order(list.size());
@@ -697,6 +697,8 @@ std::optional<std::vector<Bezier>> ChainFit::rounded(const Point& fraction, doub
   }
   // For every last state the least largest distance of a path to it, below a limit, and where it came from.
   std::vector<std::vector<int>> came(at(k));
+  std::vector<int> blocked;
+  bool is_first = true;
   const auto sweep = [&](std::vector<double> worst, double limit) {
     for (int i = 0; i < k; ++i) {
       const auto& table = cost[at(i)];
@@ -713,7 +715,13 @@ std::optional<std::vector<Bezier>> ChainFit::rounded(const Point& fraction, doub
         }
       }
       worst = std::move(next);
+      const bool is_dead = std::all_of(worst.begin(), worst.end(), [&](double w) { return w >= limit; });
+      if (is_dead && is_first) {  // on from there, to find the others
+        blocked.push_back(i);
+        worst.assign(worst.size(), 0.0);
+      }
     }
+    is_first = false;
     return worst;
   };
   const auto path_to = [&](std::size_t last, double worst) {
@@ -727,6 +735,7 @@ std::optional<std::vector<Bezier>> ChainFit::rounded(const Point& fraction, doub
     return path;
   };
   const std::vector<double> least = sweep(std::vector<double>(states[0].size(), 0.0), never);
+  if (!blocked.empty()) return {{}, std::move(blocked)};
   Path best;
   if (chain_.is_closed) {
     // A path that returns to its start is no better than one to there from anywhere.
@@ -744,7 +753,7 @@ std::optional<std::vector<Bezier>> ChainFit::rounded(const Point& fraction, doub
     const auto last = std::min_element(least.begin(), least.end());
     if (*last < never) best = path_to(static_cast<std::size_t>(last - least.begin()), *last);
   }
-  if (best.worst == never) return std::nullopt;
+  if (best.worst == never) return {{}, {0}};
   std::vector<Bezier> result;
   for (int i = 0; i < k; ++i) {
     const State& a = states[at(i)][at(best.choice[at(i)])];
@@ -755,7 +764,7 @@ std::optional<std::vector<Bezier>> ChainFit::rounded(const Point& fraction, doub
       result.push_back({{a.node, a.out, b.node, Point::Zero()}, 2});
     }
   }
-  return result;
+  return {std::move(result), {}};
 }
 
 }  // namespace fontcore::compact

@@ -3,7 +3,6 @@
 // Private to `fit_compact`: one stretch of an outline, and chains of curves that are to stand for it.
 
 #include <limits>
-#include <optional>
 #include <vector>
 
 #include "fontcore/compact.h"
@@ -91,10 +90,13 @@ class ChainFit {
   long work() const { return work_; }
 
   /// The chain on whole numbers: coordinates that differ from one by `fraction`. Of the neighbouring ones, handles up
-  /// to `reach` farther, those whose linearised distance is least; nothing if it is more than `most_distance`, or no
-  /// such keep joins smooth.
-  std::optional<std::vector<Bezier>> rounded(const Point& fraction, double most_distance, int reach,
-                                             std::size_t most_states) const;
+  /// to `reach` farther, those whose linearised distance is least; no pieces if it is more than `most_distance`, or no
+  /// such keep joins smooth, but the pieces that stand against it.
+  struct Rounded {
+    std::vector<Bezier> pieces;
+    std::vector<int> blocked;
+  };
+  Rounded rounded(const Point& fraction, double most_distance, int reach, std::size_t most_states) const;
 
  private:
   struct Foot {

@@ -10,6 +10,7 @@
 #include "tests/catch.h"
 #include "tests/kept_segments.h"
 #include "tests/shapes.h"
+#include "tests/textured.h"
 
 using namespace fontcore;
 
@@ -68,6 +69,35 @@ std::vector<CompactOptions> all_options(double tolerance) {
     }
   }
   return all;
+}
+
+/// Contours of 250 to 5000 units to lay texture on, corners on whole numbers, 1000 units per em.
+std::vector<BezierContour> bases() {
+  std::vector<BezierContour> all{shapes::circle(40), shapes::circle(250), shapes::arch(500)};
+  const Affine to_thousand{0.5 * Eigen::Matrix2d::Identity(), Point::Zero()};
+  for (const BezierContour& contour : shapes::letter_a()) {
+    const BezierContour half = transform(contour, to_thousand);
+    all.push_back(half.with_points(half.points().array().round()));
+  }
+  all.push_back(shapes::polygon({{60, 0},
+                                 {150, 0},
+                                 {150, 560},
+                                 {380, 0},
+                                 {470, 0},
+                                 {700, 560},
+                                 {700, 0},
+                                 {790, 0},
+                                 {790, 700},
+                                 {650, 700},
+                                 {425, 140},
+                                 {200, 700},
+                                 {60, 700}}));
+  return all;
+}
+
+/// Coordinates in 1/64 units.
+BezierContour on_fractions(const BezierContour& contour) {
+  return contour.with_points((64.0 * contour.points()).array().round() / 64.0);
 }
 
 }  // namespace
@@ -194,6 +224,56 @@ TEST_CASE("segments that cannot be kept are refused", "[compact]") {
   CHECK_THROWS_AS(fit_compact(circle, {.kept_segments = {-1}}), InvalidInput);
   CHECK_THROWS_AS(fit_compact(circle, {.kept_segments = {2, 1}}), InvalidInput);
   CHECK_THROWS_AS(fit_compact(circle, {.curve = CurveKind::Quadratic, .kept_segments = {1}}), InvalidInput);
+}
+
+TEST_CASE("a textured contour is fitted within the tolerance, in about two curves a wave or fewer", "[compact]") {
+  for (const textured::Texture& texture : {textured::Texture{.wavelength = 40.0, .amplitude = 4.0, .seed = 1},
+                                           textured::Texture{.wavelength = 40.0, .amplitude = 4.0, .seed = 2},
+                                           textured::Texture{.wavelength = 80.0, .amplitude = 6.0, .seed = 3}}) {
+    for (const Extrema extrema : {Extrema::Keep, Extrema::Free}) {
+      for (const Coordinates coordinates : {Coordinates::Any, Coordinates::Whole}) {
+        for (const double tolerance : {0.5, 1.0}) {
+          // On whole numbers half a unit is less than what extrema are off them.
+          if (coordinates == Coordinates::Whole && extrema == Extrema::Keep && tolerance < 1.0) continue;
+          int segments = 0;
+          double length = 0.0;
+          for (const BezierContour& base : bases()) {
+            const BezierContour source = textured::contour(base, texture);
+            const CompactFit fit =
+                fit_compact(source, {.tolerance = tolerance, .extrema = extrema, .coordinates = coordinates});
+            CAPTURE(tolerance, extrema == Extrema::Keep, coordinates == Coordinates::Whole, texture.seed, length);
+            CHECK(fit.why.empty());
+            CHECK(farthest(source, fit.contour, 0.002).distance <= tolerance + 0.004);
+            CHECK(largest_smooth_turn(fit.contour) <= 1.5 * degree);
+            segments += fit.contour.segment_count();
+            length += fontcore::length(source);
+          }
+          CHECK(segments * texture.wavelength <= (extrema == Extrema::Keep ? 2.2 : 1.7) * length);
+        }
+      }
+    }
+  }
+}
+
+TEST_CASE("the work for a textured contour grows as its length does", "[compact]") {
+  const auto work = [](double radius) {
+    const BezierContour source = textured::contour(shapes::circle(radius), {});
+    return static_cast<double>(fit_compact(source, {.tolerance = 0.5, .coordinates = Coordinates::Any}).work);
+  };
+  CHECK(work(800) < 1.3 * 4.0 * work(200));
+}
+
+TEST_CASE("moving or mirroring a textured outline moves or mirrors its compact form, bit for bit", "[compact]") {
+  const BezierContour source = on_fractions(textured::contour(shapes::circle(100), {}));
+  for (const Extrema extrema : {Extrema::Keep, Extrema::Free}) {
+    const CompactOptions options{.tolerance = 1.0, .extrema = extrema};
+    const BezierContour own = fit_compact(source, options).contour;
+    CHECK(own.segment_count() < source.segment_count() / 2);
+    for (const Point& scale : {Point(1, 1), Point(-1, 1), Point(1, -1)}) {
+      const Affine map{scale.asDiagonal(), Point(137, -2011)};
+      CHECK(fit_compact(transform(source, map), options).contour == transform(own, map));
+    }
+  }
 }
 
 TEST_CASE("a tolerance that is no distance is refused", "[compact]") {
