@@ -28,8 +28,10 @@
 #include "fontcore/drag.h"
 #include "fontcore/error.h"
 #include "fontcore/ink.h"
+#include "fontcore/measure.h"
 #include "fontcore/wavelet.h"
 #include "glyphs/font_file.h"
+#include "tests/textured.h"
 
 namespace {
 
@@ -264,6 +266,29 @@ void fit_font(benchmark::State& state, const std::string& name, fontcore::Extrem
   report(state, letters, segments);
 }
 
+// Texture laid along some letters, within half a unit: milliseconds a thousand units of outline, and segments in sum.
+void fit_textured(benchmark::State& state, fontcore::Extrema extrema, fontcore::Coordinates coordinates) {
+  std::vector<fontcore::BezierContour> contours;
+  double length = 0.0;
+  const auto font = glyphs::load_font(std::string(GLYPHWAVE_SOURCE_DIR) + "/fonts/cabin/Cabin-Regular.otf");
+  for (const char32_t letter : {U'o', U'S', U'M', U'.', U'&'}) {
+    for (const auto& own : glyphs::compose(font, font.character_map.at(letter))) {
+      contours.push_back(textured::contour(own, {}));
+      length += fontcore::length(contours.back());
+    }
+  }
+  const fontcore::CompactOptions options{.tolerance = 0.5, .extrema = extrema, .coordinates = coordinates};
+  std::size_t segments = 0;
+  for (auto _ : state) {
+    segments = 0;
+    for (const auto& contour : contours)
+      segments += static_cast<std::size_t>(fit_compact(contour, options).contour.segment_count());
+  }
+  state.counters["thousand_units"] =
+      benchmark::Counter(length / 1000.0, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+  state.counters["segments"] = static_cast<double>(segments);
+}
+
 // What there was before, [FS94] scan conversion: spans of every arc's levels within the same distance.
 void compress_font(benchmark::State& state, const std::string& name) {
   const Letters letters = letters_of(name);
@@ -338,6 +363,15 @@ BENCHMARK_CAPTURE(fit_font, open_sans, "open-sans/OpenSans-Regular.ttf", fontcor
     ->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(fit_font, open_sans_free, "open-sans/OpenSans-Regular.ttf", fontcore::Extrema::Free)
     ->Name("fit_compact/OpenSans-Regular/free")
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(fit_textured, keep, fontcore::Extrema::Keep, fontcore::Coordinates::Any)
+    ->Name("fit_compact/textured")
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(fit_textured, free, fontcore::Extrema::Free, fontcore::Coordinates::Any)
+    ->Name("fit_compact/textured/free")
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(fit_textured, whole, fontcore::Extrema::Free, fontcore::Coordinates::Whole)
+    ->Name("fit_compact/textured/free/whole")
     ->Unit(benchmark::kMillisecond);
 
 }  // namespace
