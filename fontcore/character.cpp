@@ -121,14 +121,17 @@ class Dresser {
     }
     return held;
   }
+  std::string place_of(int arc) const { return options_.place.empty() ? "" : text(options_.place, "/", arc); }
   bool is_held(int point) const { return is_held_[static_cast<std::size_t>(point)]; }
 
   Dressed dress(int index) const {
     const OutlineArcs::Arc& arc = outline_.arcs()[static_cast<std::size_t>(index)];
     Dressed dressed{.arc = index};
     dressed.is_closed = !outline_.has_corner();
-    const Index count =
-        std::clamp<Index>(static_cast<Index>(std::min(std::ceil(arc.length / step_), 1e9)), 32, most_points);
+    Index count = std::clamp<Index>(static_cast<Index>(std::min(std::ceil(arc.length / step_), 1e9)), 32, most_points);
+    // An arc that detail was taken from is looked at where it was then.
+    const auto own = std::ranges::find(library_.samples, place_of(index), &DetailSample::place);
+    if (own != library_.samples.end() && !options_.place.empty()) count = own->offsets.rows();
     dressed.step = arc.length / static_cast<double>(dressed.is_closed ? count : count - 1);
     dressed.points = points_along(outline_, index, count);
     const DetailBase& base = dressed.base.emplace(dressed.points, dressed.is_closed, scale_);
@@ -162,7 +165,7 @@ class Dresser {
     if (options_.gain == 0.0) return Points::Zero(base.points().rows(), 2);
     const bool is_reversed = options_.ink == InkSide::Right;
     DetailBed bed{base.length() / options_.unit, base.is_closed(), {}, {}};
-    if (!options_.place.empty()) bed.place = text(options_.place, "/", index);
+    bed.place = place_of(index);
     Eigen::VectorXd places = base.places() / options_.unit;
     if (is_reversed) places = (bed.length - places.array()).matrix();
     if (library_.by_shape) bed.shape = shape_of(base);

@@ -22,7 +22,9 @@ constexpr double most_steps = 256.0;
 constexpr double sampling_error = 1e-4;
 constexpr Index fewest_points = 8;
 constexpr int most_points = 20000;  // of one arc
-constexpr int passes = 6;           // of base and parameter; each brings the parameter an order nearer
+// Of base and parameter, each on the parameter that the one before gave; first by the base's length alone.
+constexpr int passes = 12;
+constexpr int passes_by_length = 3;
 constexpr double corner_at_scale = 30.0 * std::numbers::pi / 180.0;
 
 void check_scale(const char* who, double scale) {
@@ -283,29 +285,75 @@ DetailBase::DetailBase(const Points& points, bool is_closed, double scale) : is_
   const Index n = points.rows();
   if (n < fewest_points) throw InvalidInput(text("DetailBase: ", n, " points, at least ", fewest_points));
   length_ = accumulate(points, is_closed, places_);
-  Points coefficients;
-  for (int pass = 0; pass < passes; ++pass) {
+  for (int pass = 0;; ++pass) {
     if (!(length_ > 0.0)) throw InvalidInput("DetailBase: a run of points without length");
     spans_ = static_cast<int>(
         std::clamp(std::round(2.0 * length_ / scale), is_closed ? 4.0 : 1.0, static_cast<double>(n / 3)));
     const CubicSpace space{is_closed, spans_};
     const Eigen::VectorXd x = places_ * (spans_ / length_);
     weights_ = shares(places_, length_, is_closed);
-    coefficients = space.fit(x, weights_, points, true);
+    const Points coefficients = space.fit(x, weights_, points, true);
     base_ = space.at_all(coefficients, x);
-    if (pass + 1 < passes) length_ = accumulate(base_, is_closed, places_);
+    tangents_.resize(n, 2);
+    constexpr double step = 1e-4;  // of a span
+    for (Index i = 0; i < n; ++i) {
+      const double low = is_closed ? x[i] - step : std::max(x[i] - step, 0.0);
+      const double high = is_closed ? x[i] + step : std::min(x[i] + step, static_cast<double>(spans_));
+      const Point d = space.at(coefficients, high) - space.at(coefficients, low);
+      const double size = d.norm();
+      tangents_.row(i) = (size > 0.0 ? Point(d / size) : Point(1.0, 0.0)).transpose();
+    }
+    if (pass + 1 == passes) return;
+    length_ = accumulate(base_, is_closed, places_);
+    if (pass >= passes_by_length) move_to_feet(points);
   }
-  tangents_.resize(n, 2);
-  const CubicSpace space{is_closed, spans_};
-  constexpr double step = 1e-4;  // of a span
+}
+
+// Every point's place becomes its foot on the base, as far as they keep their order.
+void DetailBase::move_to_feet(const Points& points) {
+  const Index n = points.rows();
+  const Points shape = this->shape();
+  Eigen::VectorXd feet = places_;
+  const double farthest = length_ / spans_;
+  for (Index i = is_closed_ ? 0 : 1; i < (is_closed_ ? n : n - 1); ++i) {
+    const Eigen::RowVector2d off = points.row(i) - base_.row(i);
+    const Eigen::RowVector2d t = tangents_.row(i);
+    const double away = off.y() * t.x() - off.x() * t.y();  // to the left, as curvature is
+    feet[i] += std::clamp(off.dot(t) / std::max(1.0 - shape(i, 1) * away, 0.5), -0.25 * farthest, 0.25 * farthest);
+  }
+  // The nearest rising places, at least a share of the mean step apart: neighbours that are not are averaged.
+  const double apart = 0.1 * length_ / static_cast<double>(n);
+  struct Block {
+    double sum;
+    Index count;
+    double mean() const { return sum / static_cast<double>(count); }
+  };
+  std::vector<Block> blocks;
   for (Index i = 0; i < n; ++i) {
-    const double x = places_[i] * spans_ / length_;
-    const double low = is_closed ? x - step : std::max(x - step, 0.0);
-    const double high = is_closed ? x + step : std::min(x + step, static_cast<double>(spans_));
-    const Point d = space.at(coefficients, high) - space.at(coefficients, low);
-    const double size = d.norm();
-    tangents_.row(i) = (size > 0.0 ? Point(d / size) : Point(1.0, 0.0)).transpose();
+    blocks.push_back({feet[i] - apart * static_cast<double>(i), 1});
+    while (blocks.size() > 1 && blocks[blocks.size() - 2].mean() > blocks.back().mean()) {
+      blocks[blocks.size() - 2].sum += blocks.back().sum;
+      blocks[blocks.size() - 2].count += blocks.back().count;
+      blocks.pop_back();
+    }
   }
+  Index i = 0;
+  for (const Block& block : blocks) {
+    for (Index k = 0; k < block.count; ++k, ++i) places_[i] = block.mean() + apart * static_cast<double>(i);
+  }
+  const double origin = places_[0];
+  if (is_closed_) {
+    // A closed run's first point is where places begin.
+    if (places_[n - 1] - origin < length_ - apart) {
+      places_.array() -= origin;
+    } else {
+      length_ = accumulate(base_, true, places_);
+    }
+    return;
+  }
+  // Ends stay ends.
+  const double reach = places_[n - 1] - origin;
+  places_ = ((places_.array() - origin) * (length_ / reach)).matrix();
 }
 
 Points DetailBase::shape() const {

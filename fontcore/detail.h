@@ -53,8 +53,9 @@ Points points_along(const OutlineArcs& outline, int arc, Eigen::Index count);
 /// An arc's base: the part that is no detail below a scale, and the parameter that outline and base share.
 ///
 /// The least-squares cubic spline of round(2 L / scale) spans, at least 4 if closed and else 1, over its own arc
-/// length L, found in a few passes so that roughness does not stretch the parameter; open arcs keep their ends. A
-/// projection, so base + detail has the same base.
+/// length L; open arcs keep their ends. A point's place is its foot on the base, as far as places keep their order, so
+/// that roughness does not stretch the parameter and detail is an offset away from the base: found in a few passes. On
+/// the parameter found it is a projection, so base + detail has the same base.
 ///
 /// Source  [FS94] editing the character of a curve; DESIGN, Detail frames.
 class DetailBase {
@@ -85,6 +86,8 @@ class DetailBase {
   double base_move(const Points& displacement) const;
 
  private:
+  void move_to_feet(const Points& points);
+
   bool is_closed_ = false;
   int spans_ = 0;
   double length_ = 0.0;
