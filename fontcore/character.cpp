@@ -63,7 +63,8 @@ class Dresser {
         scale_(library.scale * options.unit),
         is_held_(contour_.kinds().size(), false) {
     if (library.samples.empty()) throw InvalidInput("apply_detail: a library without samples");
-    if (!(scale_ > 0.0) || !std::isfinite(scale_) || !std::isfinite(options.gain) || !std::isfinite(options.finest)) {
+    if (!(scale_ > 0.0) || !std::isfinite(scale_) || !std::isfinite(options.gain) || !std::isfinite(options.finest) ||
+        !std::isfinite(options.amount)) {
       throw InvalidInput(text("apply_detail: scale ", scale_, ", gain ", options.gain, ", finest ", options.finest));
     }
     for (const int point : options.held) is_held_.at(static_cast<std::size_t>(point)) = true;
@@ -155,7 +156,7 @@ class Dresser {
 
     Points wish = laid(index, base);
     if (!options_.adds) wish -= dressed.points - base.points();
-    dressed.displacement = base.detail_part(wish, dressed.mask);
+    dressed.displacement = options_.amount * base.detail_part(wish, dressed.mask);
     if (dressed.displacement.rowwise().norm().maxCoeff() < nothing * scale_) dressed.displacement.setZero();
     return dressed;
   }
@@ -297,40 +298,48 @@ class Dresser {
         ++k;
         continue;
       }
-      std::vector<double> knots = {arc.offsets[k]};
-      const bool stays = !(dressed.is_closed && all_new);
-      int node = stays ? contour_.node(s) : -1;
-      double forced = s == 0 ? arc.offsets[k] : -1.0;
-      std::size_t end = k;
-      for (; end < count && !is_kept[end]; ++end) {
-        if (arc.segments[end] == 0) forced = arc.offsets[end];
+      // Nodes that a cubic must end at: those of what stays beyond, those that are held, the source's first.
+      std::vector<Knot> forced;
+      for (; k < count && !is_kept[k]; ++k) {
+        const int node = contour_.node(arc.segments[k]);
+        const bool is_first = arc.segments[k] == 0;
+        const bool stays = is_held(node) || (forced.empty() && !(dressed.is_closed && all_new));
+        if (is_first || stays || forced.empty()) forced.push_back({arc.offsets[k], true, is_first, stays ? node : -1});
       }
-      const double to = end < count ? arc.offsets[end] : arc.length;
-      for (auto i = static_cast<Index>(std::ceil(knots[0] / dressed.step + 0.25));
-           static_cast<double>(i) * dressed.step < to - 0.25 * dressed.step; ++i) {
-        const double next = static_cast<double>(i) * dressed.step;
-        if (forced > knots.back() && forced < next) knots.push_back(forced);
-        if (next > knots.back()) knots.push_back(next);
+      const double to = k < count ? arc.offsets[k] : arc.length;
+      forced.push_back({to, true});
+      std::vector<Knot> knots = {forced[0]};
+      for (std::size_t f = 1; f < forced.size(); ++f) {
+        const double until = forced[f].at - 0.25 * dressed.step;
+        for (auto i = static_cast<Index>(std::ceil(knots.back().at / dressed.step + 0.25));
+             static_cast<double>(i) * dressed.step < until; ++i) {
+          knots.push_back({static_cast<double>(i) * dressed.step});
+        }
+        knots.push_back(forced[f]);
       }
-      knots.push_back(to);
-      cut(dressed, knots, forced, node, parts);
-      k = end;
+      cut(dressed, knots, parts);
     }
   }
-  void cut(const Dressed& dressed, const std::vector<double>& knots, double forced, int node,
-           std::vector<Part>& parts) const {
+  // A place where a cubic may end; where it must, the node of the source that is there and stays, or none.
+  struct Knot {
+    double at = 0.0;
+    bool is_forced = false;
+    bool is_first = false;  // where the source starts
+    int node = -1;
+  };
+  void cut(const Dressed& dressed, const std::vector<Knot>& knots, std::vector<Part>& parts) const {
     const std::size_t n = knots.size();
     std::vector<Moved> before(n);  // looking back, and forward
     std::vector<Moved> after(n);
     for (std::size_t i = 0; i < n; ++i) {
-      before[i] = moved_at(dressed, dressed.displacement, knots[i], i == 0 ? 1.0 : -1.0);
-      after[i] = moved_at(dressed, dressed.displacement, knots[i], i + 1 == n ? -1.0 : 1.0);
+      before[i] = moved_at(dressed, dressed.displacement, knots[i].at, i == 0 ? 1.0 : -1.0);
+      after[i] = moved_at(dressed, dressed.displacement, knots[i].at, i + 1 == n ? -1.0 : 1.0);
     }
     const auto follows = [&](std::size_t i, std::size_t j) {
-      const double run = knots[j] - knots[i];
+      const double run = knots[j].at - knots[i].at;
       for (std::size_t k = i + 1; k < j; ++k) {
-        if (knots[k] == forced) return false;
-        const double u = (knots[k] - knots[i]) / run;
+        if (knots[k].is_forced) return false;
+        const double u = (knots[k].at - knots[i].at) / run;
         const double v = 1.0 - u;
         const Point on = v * v * (1.0 + 2.0 * u) * after[i].at + u * u * (3.0 - 2.0 * u) * before[j].at +
                          run * u * v * (v * after[i].slope - u * before[j].slope);
@@ -341,7 +350,7 @@ class Dresser {
     for (std::size_t i = 0; i + 1 < n;) {
       std::size_t j = std::min(n - 1, i + static_cast<std::size_t>(longest_piece));
       while (j > i + 1 && !follows(i, j)) j = i + (j - i) / 2;
-      parts.push_back({dressed.arc, -1, i == 0 ? node : -1, knots[i], knots[j], knots[i] == forced});
+      parts.push_back({dressed.arc, -1, knots[i].node, knots[i].at, knots[j].at, knots[i].is_first});
       i = j;
     }
   }
@@ -392,7 +401,6 @@ class Dresser {
   std::vector<Part> all_parts() const {
     std::vector<Part> parts;
     for (const Dressed& dressed : dressed_) lay_out(dressed, parts);
-    // A node that neither a kept segment nor a cut of its own begins at starts a cubic that begins elsewhere.
     const auto first = std::ranges::find(parts, true, &Part::is_first);
     if (first != parts.end()) std::rotate(parts.begin(), first, parts.end());
     return parts;

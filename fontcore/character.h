@@ -18,6 +18,7 @@ struct CharacterOptions {
   bool mirrors = false;       ///< samples run the other way
   std::uint64_t seed = 0;     ///< of phases and of the choice among samples; arcs differ by themselves
   double unit = 1.0;          ///< font units that a unit of the library's em is long
+  double amount = 1.0;        ///< share of the displacement that is applied: 0 is the identity
   double finest = 0.0;        ///< features of the library shorter than this are left out, font units
   bool spares_lines = false;  ///< lines longer than half the scale stay as they are
   bool holds_joins = false;   ///< smooth joins stay where they are

@@ -26,6 +26,7 @@ constexpr int most_points = 20000;  // of one arc
 constexpr int passes = 12;
 constexpr int passes_by_length = 3;
 constexpr double corner_at_scale = 30.0 * std::numbers::pi / 180.0;
+constexpr double bend_at_scale = 75.0 * std::numbers::pi / 180.0;
 
 void check_scale(const char* who, double scale) {
   if (!(scale > 0.0) || !std::isfinite(scale)) throw InvalidInput(text(who, ": scale ", scale, ", must be positive"));
@@ -257,27 +258,45 @@ OutlineArcs arcs_at_scale(const BezierContour& contour, double scale, const Outl
     const auto [segment, u] = arcs.locate(s);
     return evaluate(contour.segment(segment), u);
   };
-  OutlineCurveOptions kept = options;
-  kept.corner_angle = kept.line_angle = 2.0 * std::numbers::pi;  // none but those named
-  const std::size_t n = arcs.arcs().size();
-  bool all = true;
-  for (std::size_t k = 0; k < n && arcs.has_corner(); ++k) {
+  const auto turn_at = [&](double s) {
+    const Point here = at(s);
+    const Point before = here - at(s - half);
+    const Point after = at(s + half) - here;
+    return std::abs(std::atan2(before.x() * after.y() - before.y() * after.x(), before.dot(after)));
+  };
+  struct Cut {
+    double s;
+    double turn;
+    int node;
+  };
+  std::vector<Cut> cuts;
+  std::vector<Cut> bends;
+  for (std::size_t k = 0; k < arcs.arcs().size(); ++k) {
     const OutlineArcs::Arc& arc = arcs.arcs()[k];
-    const int node = contour.node(arc.segments[0]);
-    const Point here = at(arc.start);
-    const Point before = here - at(arc.start - half);
-    const Point after = at(arc.start + half) - here;
-    const double turn = std::abs(std::atan2(before.x() * after.y() - before.y() * after.x(), before.dot(after)));
-    const bool is_short = std::min(arc.length, arcs.arcs()[(k + n - 1) % n].length) < half;
-    const bool is_texture =
-        is_short && turn < corner_at_scale && std::ranges::find(options.corners, node) == options.corners.end();
-    if (is_texture) {
-      all = false;
-    } else {
-      kept.corners.push_back(node);
+    const OutlineArcs::Arc& before = arcs.arcs()[(k == 0 ? arcs.arcs().size() : k) - 1];
+    for (std::size_t i = 0; i < arc.segments.size(); ++i) {
+      const int node = contour.node(arc.segments[i]);
+      const Cut cut{arc.start + arc.offsets[i], turn_at(arc.start + arc.offsets[i]), node};
+      if (i == 0 && arcs.has_corner()) {
+        const bool is_texture = std::min(arc.length, before.length) < half && cut.turn < corner_at_scale &&
+                                std::ranges::find(options.corners, node) == options.corners.end();
+        if (!is_texture) cuts.push_back(cut);
+      } else if (cut.turn > bend_at_scale && contour.kind(node) == PointKind::Node) {
+        bends.push_back(cut);
+      }
     }
   }
-  return all ? arcs : OutlineArcs(contour, kept);
+  // Of bends near to each other the sharpest, and none beside a corner.
+  std::ranges::stable_sort(bends, std::ranges::greater{}, &Cut::turn);
+  for (const Cut& bend : bends) {
+    const bool is_free = std::ranges::none_of(
+        cuts, [&](const Cut& cut) { return std::abs(std::remainder(cut.s - bend.s, arcs.length())) < 0.5 * half; });
+    if (is_free) cuts.push_back(bend);
+  }
+  OutlineCurveOptions kept = options;
+  kept.corner_angle = kept.line_angle = 2.0 * std::numbers::pi;  // none but those named
+  for (const Cut& cut : cuts) kept.corners.push_back(cut.node);
+  return OutlineArcs(contour, kept);
 }
 
 DetailBase::DetailBase(const Points& points, bool is_closed, double scale) : is_closed_(is_closed) {

@@ -38,12 +38,13 @@ struct DetailLibrary {
 /// On which side of its direction a contour has the ink.
 enum class InkSide { Left, Right };
 
-/// The contour cut into arcs at those corners that are corners at a scale.
+/// The contour cut into arcs where it has corners at a scale, looking half of it to either side.
 ///
-/// Where both sides, looked at over half the scale, turn by less than 30 degrees, and a neighbouring arc is shorter
-/// than that, what turns is texture: rough print is not a row of corners.
+/// A corner with an arc shorter than that beside it, where the outline as a whole turns by less than 30 degrees, is
+/// texture: rough print is not a row of corners. A node where it turns by more than 75 degrees is a corner though it be
+/// smooth: the tip of a terminal is no detail to be taken off.
 ///
-/// `options` as for OutlineArcs, its corners always kept.
+/// `options` as for OutlineArcs; its corners are always kept.
 OutlineArcs arcs_at_scale(const BezierContour& contour, double scale, const OutlineCurveOptions& options = {});
 
 /// Points at even steps of arc length along one of an outline's arcs: both ends of an open one, of a closed one the

@@ -3,11 +3,14 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <nlohmann/json.hpp>
+#include <filesystem>
 #include <set>
+#include <utility>
 
+#include "glyphs/detail_library.h"
 #include "glyphs/error.h"
 #include "glyphs/font_file.h"
+#include "glyphs/json_reader.h"
 
 namespace glyphs {
 
@@ -15,78 +18,6 @@ namespace {
 
 using fontcore::Point;
 using fontcore::text;
-using Json = nlohmann::ordered_json;
-
-// One object of the recipe, read key by key; what is left unread at the end is unknown and refused.
-class ObjectReader {
- public:
-  ObjectReader(const Json& object, std::string path) : object_(object), path_(std::move(path)) {
-    if (!object.is_object()) fail("", "must be an object");
-  }
-
-  [[noreturn]] void fail(const std::string& key, const std::string& why) const {
-    throw RequestError(where(key) + ": " + why);
-  }
-  std::string where(const std::string& key) const {
-    return key.empty() ? path_ : path_.empty() ? key : path_ + "." + key;
-  }
-  bool has(const std::string& key) const { return object_.contains(key); }
-
-  const Json& take(const std::string& key) {
-    if (!has(key)) fail(key, "is missing");
-    taken_.insert(key);
-    return object_.at(key);
-  }
-  std::string take_text(const std::string& key, const std::string& otherwise) {
-    if (!has(key)) return otherwise;
-    const Json& value = take(key);
-    if (!value.is_string()) fail(key, "must be a string");
-    return value.get<std::string>();
-  }
-  bool take_flag(const std::string& key, bool otherwise) {
-    if (!has(key)) return otherwise;
-    const Json& value = take(key);
-    if (!value.is_boolean()) fail(key, "must be true or false");
-    return value.get<bool>();
-  }
-  double take_number(const std::string& key) {
-    const Json& value = take(key);
-    if (!value.is_number()) fail(key, "must be a number");
-    return value.get<double>();
-  }
-  Point take_point(const std::string& key) {
-    const Json& value = take(key);
-    if (!value.is_array() || value.size() != 2 || !value[0].is_number() || !value[1].is_number())
-      fail(key, "must be two numbers, [x, y]");
-    return {value[0].get<double>(), value[1].get<double>()};
-  }
-  std::string take_choice(const std::string& key, const std::vector<std::string>& choices,
-                          const std::string& otherwise) {
-    std::string value = take_text(key, otherwise);
-    if (std::find(choices.begin(), choices.end(), value) != choices.end()) return value;
-    std::string list;
-    for (const std::string& choice : choices) list += (list.empty() ? "\"" : ", \"") + choice + "\"";
-    fail(key, "\"" + value + "\" is not one of " + list);
-  }
-  std::optional<int> take_contour() {
-    if (!has("contour")) return {};
-    const Json& index = take("contour");
-    if (!index.is_number_integer() || index.get<std::int64_t>() < 0 || index.get<std::int64_t>() > 65535) {
-      fail("contour", "must be a whole number from 0");
-    }
-    return index.get<int>();
-  }
-  void finish() const {
-    for (const auto& [key, value] : object_.items()) {
-      if (!taken_.contains(key)) fail(key, "unknown key");
-    }
-  }
-
- private:
-  const Json& object_;
-  std::string path_;
-  std::set<std::string> taken_;
-};
 
 constexpr const char* later = "is not in this version of glyphwave";
 
@@ -172,14 +103,27 @@ Step read_soften(ObjectReader& reader) {
   return step;
 }
 
+Step read_character(ObjectReader& reader) {
+  CharacterStep step;
+  step.library_path = reader.take_text("library", "");
+  if (step.library_path.empty()) reader.fail("library", "must name a library of detail");
+  if (reader.has("gain")) step.gain = reader.take_number("gain");
+  step.adds = reader.take_flag("add", false);
+  step.mirrors = reader.take_flag("mirror", false);
+  step.spares_lines = reader.take_choice("straights", {"lay", "spare"}, "lay") == "spare";
+  step.holds_joins = reader.take_choice("joins", {"lay", "hold"}, "lay") == "hold";
+  return step;
+}
+
 Step read_step(const Json& json, const std::string& path) {
   ObjectReader reader(json, path);
   const std::string op = reader.take_choice("op", {"sweep", "smooth", "equalize", "soften", "character", "weight"}, "");
-  if (op == "character" || op == "weight" || op.empty()) reader.fail("op", "\"" + op + "\" " + later);
+  if (op == "weight" || op.empty()) reader.fail("op", "\"" + op + "\" " + later);
   Step step = op == "sweep"      ? read_sweep(reader)
               : op == "smooth"   ? read_smooth(reader)
               : op == "equalize" ? read_equalize(reader)
-                                 : read_soften(reader);
+              : op == "soften"   ? read_soften(reader)
+                                 : read_character(reader);
   const std::string glyph = reader.take_text("glyph", "");
   const std::optional<int> contour = reader.take_contour();
   std::visit(
@@ -250,37 +194,6 @@ Keep read_keep(const Json& json) {
   return keep;
 }
 
-// What a recipe may be: far more than any is, and read within a second and some hundred megabytes.
-constexpr std::size_t most_bytes = std::size_t{16} << 20;
-constexpr int most_nested = 32;
-constexpr std::size_t most_keys = 1000;  // of one object, whose keys are searched one by one
-
-// JSON as RFC 8259 has it; a key given twice is refused, since only one of the two could be honoured.
-Json parse_json(const std::string& json) {
-  if (json.size() > most_bytes) throw RequestError(text("is larger than ", most_bytes, " bytes"));
-  std::vector<std::set<std::string>> open;
-  const auto watch = [&](int depth, Json::parse_event_t event, Json& value) {
-    if (depth > most_nested) throw RequestError(text("nests deeper than ", most_nested));
-    if (event == Json::parse_event_t::object_start) open.emplace_back();
-    if (event == Json::parse_event_t::object_end) open.pop_back();
-    if (event == Json::parse_event_t::key && !open.back().insert(value.get<std::string>()).second) {
-      throw RequestError(value.get<std::string>() + ": given twice");
-    }
-    if (event == Json::parse_event_t::key && open.back().size() > most_keys) {
-      throw RequestError(text("an object has more than ", most_keys, " keys"));
-    }
-    return true;
-  };
-  try {
-    return Json::parse(json, watch);
-  } catch (const nlohmann::json::parse_error& error) {
-    const auto upto = json.begin() + static_cast<std::ptrdiff_t>(std::min(error.byte, json.size()));
-    throw RequestError(text("not JSON: error near line ", 1 + std::count(json.begin(), upto, '\n')));
-  } catch (const nlohmann::json::out_of_range&) {
-    throw RequestError("not JSON: a number that no double can hold");
-  }
-}
-
 Recipe read_recipe(const std::string& json) {
   const Json root = parse_json(json);
   ObjectReader reader(root, "");
@@ -299,6 +212,13 @@ Recipe read_recipe(const std::string& json) {
     }
     if (emit.has("tolerance")) recipe.tolerance = emit.take_number("tolerance");
     if (!(recipe.tolerance > 0.0)) emit.fail("tolerance", "must be positive");
+    if (emit.has("points")) {
+      const Json& points = emit.take("points");
+      if (!points.is_number_integer() || points.get<std::int64_t>() < 1 || points.get<std::int64_t>() > 65535) {
+        emit.fail("points", "is the most that a glyph may have: a whole number from 1 to 65535");
+      }
+      recipe.most_points = points.get<int>();
+    }
     if (emit.take_choice("composites", {"refuse", "decompose"}, "refuse") == "decompose") {
       recipe.composites = Composites::Decompose;
     }
@@ -319,25 +239,16 @@ Recipe read_recipe(const std::string& json) {
 
 }  // namespace
 
-Recipe parse_recipe(const std::string& json, const std::string& name) {
-  try {
-    return read_recipe(json);
-  } catch (const RequestError& error) {
-    std::string why = error.what();  // with keys and values of the recipe, which may hold anything
-    std::replace_if(
-        why.begin(), why.end(), [](char c) { return (c >= 0 && c < ' ') || c == 0x7F; }, '?');
-    throw RequestError(name + ": " + why);
-  }
-}
+Recipe parse_recipe(const std::string& json, const std::string& name) { return naming_file(name, json, read_recipe); }
 
 Recipe load_recipe(const std::string& path) {
-  Bytes bytes;
-  try {
-    bytes = read_file(path);
-  } catch (const FontReadError& error) {
-    throw RequestError(error.what());
+  Recipe recipe = parse_recipe(read_text(path), path);
+  const std::filesystem::path folder = std::filesystem::path(path).parent_path();
+  for (Step& step : recipe.steps) {
+    auto* const character = std::get_if<CharacterStep>(&step);
+    if (character != nullptr) character->library = load_library(folder / character->library_path);
   }
-  return parse_recipe({bytes.begin(), bytes.end()}, path);
+  return recipe;
 }
 
 namespace {

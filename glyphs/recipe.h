@@ -1,11 +1,14 @@
 #pragma once
 
+#include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <variant>
 #include <vector>
 
 #include "fontcore/contour.h"
+#include "fontcore/detail.h"
 #include "fontcore/edit.h"
 #include "fontcore/measure.h"
 #include "glyphs/font.h"
@@ -59,7 +62,22 @@ struct SoftenStep {
   std::optional<std::vector<int>> corners;
 };
 
-using Step = std::variant<SweepStep, SmoothStep, EqualizeStep, SoftenStep>;
+/// Lays detail of a library on the outline, in place of its own below the library's scale or in addition to it. What
+/// it touches gets points of its own: later steps work on the textured outline, and it is emitted compactly. Corners,
+/// frozen stretches and the area stay; rules on extrema, lines and zones are for the other steps. [FS94] character.
+struct CharacterStep {
+  std::string glyph;  ///< as in SmoothStep
+  std::optional<int> contour;
+  std::string library_path;                                ///< as the recipe has it, relative to the recipe
+  std::shared_ptr<const fontcore::DetailLibrary> library;  ///< none until `load_recipe` has read it
+  double gain = 1.0;
+  bool adds = false;
+  bool mirrors = false;
+  bool spares_lines = false;  ///< long straights stay as they are
+  bool holds_joins = false;   ///< smooth joins stay where they are
+};
+
+using Step = std::variant<SweepStep, SmoothStep, EqualizeStep, SoftenStep, CharacterStep>;
 
 enum class KeepArea { Glyph, Contour, None };
 enum class OnCrossing { Reduce, Refuse, Allow };
@@ -100,6 +118,8 @@ struct Recipe {
   Emission emission = Emission::Structure;
   double tolerance = 0.5;  ///< deviation of the emitted outline from the wished one that is remarked on, or that a
                            ///< compact one may have, font units
+  int most_points = 4000;  ///< that a glyph may have by a character step: its finest features are left out until it
+                           ///< has no more
   Composites composites = Composites::Refuse;  ///< what a selected composite means
   OnCrossing on_crossing = OnCrossing::Reduce;
   bool lengths_in_thousandths = false;  ///< lengths are em/1000, not font units
@@ -112,7 +132,7 @@ struct Recipe {
 /// of the wrong type,
 ///         an operation or a rule this version cannot honour.
 Recipe parse_recipe(const std::string& json, const std::string& name);
-/// Reads the file and parses it.
+/// Reads the file, parses it, and reads the libraries that it names.
 Recipe load_recipe(const std::string& path);
 
 /// The glyph ids a selection names, sorted, each once: names (`a`, `f_f_i`), code points and ranges (`U+0041-005A`),

@@ -6,8 +6,10 @@
 #include <numbers>
 #include <numeric>
 #include <optional>
+#include <set>
 
 #include "fontcore/alignment.h"
+#include "fontcore/character.h"
 #include "fontcore/compact.h"
 #include "fontcore/crossing.h"
 #include "fontcore/edit.h"
@@ -16,6 +18,7 @@
 #include "fontcore/measure.h"
 #include "fontcore/rounding.h"
 #include "fontcore/soften.h"
+#include "glyphs/detail_library.h"
 #include "glyphs/error.h"
 
 namespace glyphs {
@@ -28,9 +31,12 @@ using fontcore::Point;
 using fontcore::text;
 using Contours = std::vector<BezierContour>;
 
-constexpr double least_handle = 2.0;      // units: shorter ones have no direction in whole numbers
-constexpr double bisection_width = 0.01;  // of the amount
-constexpr double worth_a_note = 5e-4;     // area error after rounding, relative
+constexpr double least_handle = 2.0;           // units: shorter ones have no direction in whole numbers
+constexpr double bisection_width = 0.01;       // of the amount
+constexpr double first_left_out = 1.0 / 16.0;  // of a library's scale: features below go first if points must be saved
+constexpr double least_texture_tolerance = 1.25;  // units: whole numbers alone move points by up to 0.7
+constexpr double most_texture_tolerance = 4.0;    // units, and eight times what is asked
+constexpr double worth_a_note = 5e-4;             // area error after rounding, relative
 
 // A step of the recipe as it applies to one glyph, in font units.
 struct PlacedStep {
@@ -58,6 +64,7 @@ struct Reference {
   BezierContour contour;
   std::vector<int> came_from;  // per point its index in the font's contour; -1 if it is new
   fontcore::Rows frozen;
+  bool is_textured = false;  // by a character step: short cubics, which only compact emission makes an outline of
 };
 
 // The whole flow at one amount.
@@ -74,10 +81,18 @@ bool has_same_structure(const Contours& a, const Contours& b) {
   return std::ranges::equal(a, b, [](const auto& x, const auto& y) { return fontcore::has_same_structure(x, y); });
 }
 
+// A seed of its own for every place (FNV-1a).
+std::uint64_t seed_of(std::uint64_t seed, const std::string& place) {
+  std::uint64_t hash = 0xCBF29CE484222325U ^ seed;
+  for (const char c : place) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001B3U;
+  return hash;
+}
+
 class GlyphEditor {
  public:
   GlyphEditor(const Font& font, const Glyph& glyph, const Recipe& recipe, const std::vector<double>& zones)
       : font_(font),
+        name_(glyph.name),
         original_(glyph.contours),
         marks_(glyph.marks),
         drawn_at_(glyph.origin, 0.0),
@@ -121,6 +136,8 @@ class GlyphEditor {
   }
 
   bool has_work() const { return !steps_.empty(); }
+  /// Leaves features of libraries out that are shorter than a share of their scale.
+  void leave_out_below(double finest) { finest_ = finest; }
   bool has_pin() const {
     return std::any_of(steps_.begin(), steps_.end(), [](const PlacedStep& placed) {
       const auto* const sweep = std::get_if<SweepStep>(&placed.step);
@@ -143,7 +160,7 @@ class GlyphEditor {
       result.steps.push_back(apply(placed, amount, result.unrounded, handles[k]));
     }
     result.rounded = rounded(result, handles);
-    if (recipe_.emission == Emission::Compact) emit_compactly(result);
+    emit_compactly(result);
     for (const Reference& reference : references_) result.area += signed_area(reference.contour);
     if (!has_same_structure(result.rounded, original_)) {
       for (std::size_t k = 0; k < references_.size(); ++k) {
@@ -193,6 +210,10 @@ class GlyphEditor {
   void place(SoftenStep step, double unit) {
     step.radius *= unit;
     if (step.radius > 0.0) place_on_contours(step, step.contour);
+  }
+  void place(const CharacterStep& step, double) {
+    if (!step.library) throw RequestError(step.library_path + ": the library of a character step is not loaded");
+    if (step.gain != 0.0 || !step.adds) place_on_contours(step, step.contour);
   }
   void place_on_contours(const Step& step, std::optional<int> contour) {
     if (contour) {
@@ -386,7 +407,14 @@ class GlyphEditor {
     report.least_radius = options.radius;
     for (const auto& corner : softened.corners) report.least_radius = std::min(report.least_radius, corner.radius);
 
-    Reference now{softened.contour, softened.came_from, {}};
+    take_over(softened.contour, softened.came_from, index, contour);
+    return report;
+  }
+
+  // A contour with other points: what later steps keep to. No frozen point is gone.
+  void take_over(const BezierContour& made, std::vector<int> came_from, int index, BezierContour& contour) {
+    Reference& reference = references_[static_cast<std::size_t>(index)];
+    Reference now{made, std::move(came_from), {}, reference.is_textured};
     std::vector<int> index_now(reference.came_from.size(), -1);
     for (std::size_t i = 0; i < now.came_from.size(); ++i) {
       int& from = now.came_from[i];
@@ -394,14 +422,48 @@ class GlyphEditor {
       index_now[static_cast<std::size_t>(from)] = static_cast<int>(i);
       from = reference.came_from[static_cast<std::size_t>(from)];
     }
-    for (fontcore::Row row : reference.frozen) {  // no frozen point is gone: its corners have stayed
+    for (fontcore::Row row : reference.frozen) {
       for (auto& term : row.terms) {
         term.variable = 2 * index_now[static_cast<std::size_t>(term.variable / 2)] + term.variable % 2;
       }
       now.frozen.push_back(std::move(row));
     }
     reference = std::move(now);
-    contour = softened.contour;
+    contour = made;
+  }
+
+  // Detail laid on a contour as it stands.
+  StepReport character(const CharacterStep& step, int index, double amount, BezierContour& contour) {
+    Reference& reference = references_[static_cast<std::size_t>(index)];
+    StepReport report;
+    report.op = "character";
+    report.contour = index;
+    const fontcore::DetailLibrary& library = *step.library;
+    fontcore::CharacterOptions options{.gain = step.gain, .adds = step.adds, .mirrors = step.mirrors};
+    options.amount = amount;
+    options.unit = font_.units_per_em / library.units_per_em;
+    options.finest = report.finest = finest_ * library.scale * options.unit;
+    options.spares_lines = step.spares_lines;
+    options.holds_joins = step.holds_joins;
+    options.ink = ink_side(original_, static_cast<std::size_t>(index));
+    options.place = place_of(name_, index);
+    options.seed = seed_of(recipe_.seed, options.place);
+    for (const fontcore::Row& row : reference.frozen) options.held.push_back(row.terms.front().variable / 2);
+    if (recipe_.keep.area != KeepArea::None) options.area = signed_area(reference.contour);
+    fontcore::Character made;
+    try {
+      const fontcore::OutlineCurveOptions cut{.corners = marked_corners(static_cast<std::size_t>(index))};
+      made = apply_detail(fontcore::arcs_at_scale(contour, library.scale * options.unit, cut), library, options);
+    } catch (const fontcore::InvalidInput& error) {
+      throw Refusal{text("contour ", index, ": ", error.what())};
+    }
+    if (!made.area_failed.empty()) throw Refusal{text("contour ", index, ": ", made.area_failed)};
+    report.arcs = made.arcs;
+    report.too_short = made.too_short;
+    report.base_move = made.base_move;
+    if (made.arcs == 0) return report;
+    reference.is_textured = true;
+    take_over(made.contour, std::move(made.came_from), index, contour);
     return report;
   }
 
@@ -411,6 +473,10 @@ class GlyphEditor {
     if (const auto* const step = std::get_if<SoftenStep>(&placed.step)) {
       handles.clear();  // their segments have other numbers now, and their places are part of the outline that is kept
       return soften(*step, placed.contour, amount, contour);
+    }
+    if (const auto* const step = std::get_if<CharacterStep>(&placed.step)) {
+      handles.clear();
+      return character(*step, placed.contour, amount, contour);
     }
     StepReport report;
     report.contour = placed.contour;
@@ -486,7 +552,7 @@ class GlyphEditor {
     std::vector<fontcore::Unrounded> moved;
     std::vector<std::size_t> index;
     for (std::size_t k = 0; k < solved.size(); ++k) {
-      if (solved[k] == original_[k]) continue;
+      if (solved[k] == original_[k] || references_[k].is_textured) continue;
       const Reference& reference = references_[k];
       fontcore::RoundingGoal goal{signed_area(solved[k]), scale, handles[k], {}, fontcore::BeyondUnit::ForArea};
       if (reference.contour != original_[k]) {
@@ -526,15 +592,43 @@ class GlyphEditor {
     const double unit = recipe_.lengths_in_thousandths ? font_.units_per_em / 1000.0 : 1.0;
     const double tolerance = recipe_.tolerance * unit;
     std::vector<std::size_t> open;
+    std::vector<std::size_t> textured;
     for (std::size_t k = 0; k < original_.size(); ++k) {
-      if (attempt.unrounded[k] != original_[k]) open.push_back(k);
+      if (attempt.unrounded[k] == original_[k]) continue;
+      if (references_[k].is_textured) {
+        textured.push_back(k);
+      } else if (recipe_.emission == Emission::Compact) {
+        open.push_back(k);
+      }
     }
-    for (double share = 0.8; share > 0.2 && !open.empty(); share *= 0.7) {
+    for (const std::size_t k : fitted_within(tolerance, {0.8, 0.56, 0.39, 0.27}, std::move(open), attempt)) {
+      attempt.notes.push_back(text("contour ", k, ": no fewer segments in whole numbers stay within ", tolerance));
+    }
+    // A texture has no points of its own to fall back to: where whole numbers are too far apart, it may be farther off.
+    for (double wide = std::max(tolerance, least_texture_tolerance); !textured.empty(); wide *= 1.5) {
+      if (wide > most_texture_tolerance * unit + 8.0 * tolerance) {
+        throw Refusal{
+            text("contour ", textured[0], ": no curves in whole numbers are within ", wide / 1.5, " of its texture")};
+      }
+      textured = fitted_within(wide, {0.6, 0.4, 0.25}, std::move(textured), attempt);
+    }
+  }
+
+  // Those of the contours that cannot be had in whole numbers within a tolerance; the others are emitted. Shares of it
+  // are what the fit may take, one after the other: the rest is for area and rounding.
+  std::vector<std::size_t> fitted_within(double tolerance, std::initializer_list<double> shares,
+                                         std::vector<std::size_t> open, Attempt& attempt) const {
+    std::vector<std::size_t> never;
+    for (const double share : shares) {
+      if (open.empty()) break;
       std::vector<fontcore::Unrounded> fitted;
       std::vector<std::size_t> index;
       for (const std::size_t k : open) {
         std::optional<fontcore::Unrounded> fit = fitted_compactly(attempt.unrounded[k], k, share * tolerance);
-        if (!fit || fit->edited.segment_count() >= attempt.rounded[k].segment_count()) continue;
+        if (!fit && references_[k].is_textured) never.push_back(k);
+        const bool is_worth_it =
+            fit && (references_[k].is_textured || fit->edited.segment_count() < attempt.rounded[k].segment_count());
+        if (!is_worth_it) continue;
         fitted.push_back(std::move(*fit));
         index.push_back(k);
       }
@@ -550,14 +644,14 @@ class GlyphEditor {
         }
       }
     }
-    for (const std::size_t k : open) {
-      attempt.notes.push_back(text("contour ", k, ": no fewer segments in whole numbers stay within ", tolerance));
-    }
+    open.insert(open.end(), never.begin(), never.end());
+    return open;
   }
 
   // The points of a contour that are frozen, an implied node by its handles too.
   std::vector<bool> frozen_points(std::size_t index) const {
-    const auto& [contour, came_from, frozen] = references_[index];
+    const BezierContour& contour = references_[index].contour;
+    const fontcore::Rows& frozen = references_[index].frozen;
     const auto count = static_cast<std::size_t>(contour.point_count());
     std::vector<bool> is_frozen(count, false);
     for (const fontcore::Row& row : frozen) is_frozen[static_cast<std::size_t>(row.terms.front().variable / 2)] = true;
@@ -569,6 +663,41 @@ class GlyphEditor {
       if (is_frozen[before] && is_frozen[after]) is_frozen[i] = true;
     }
     return is_frozen;
+  }
+
+  // Those, and of a textured contour the points of segments that nothing touched.
+  std::vector<bool> staying_points(const BezierContour& solved, std::size_t index) const {
+    std::vector<bool> stays = frozen_points(index);
+    const Reference& reference = references_[index];
+    if (!reference.is_textured) return stays;
+    const auto is_own = [&](int point) {
+      const int from = reference.came_from[static_cast<std::size_t>(point)];
+      return from >= 0 && solved.point(point) == original_[index].point(from);
+    };
+    for (int s = 0; s < solved.segment_count(); ++s) {
+      bool is_whole = true;
+      for (int k = 0; k <= solved.degree(s); ++k) is_whole = is_whole && is_own(solved.point_of(s, k));
+      for (int k = 0; is_whole && k <= solved.degree(s); ++k)
+        stays[static_cast<std::size_t>(solved.point_of(s, k))] = true;
+    }
+    return stays;
+  }
+
+  // Corners between textured stretches are where they were in the font, and stay there.
+  void hold_own_nodes(const BezierContour& solved, std::size_t index, const BezierContour& fitted,
+                      std::vector<int>& held, std::vector<bool>& is_new) const {
+    std::set<std::pair<double, double>> own;
+    for (int i = 0; i < solved.point_count(); ++i) {
+      const int from = references_[index].came_from[static_cast<std::size_t>(i)];
+      if (from < 0 || !is_node(solved.kind(i)) || solved.point(i) != original_[index].point(from)) continue;
+      own.emplace(solved.point(i).x(), solved.point(i).y());
+    }
+    for (int s = 0; s < fitted.segment_count(); ++s) {
+      const int node = fitted.node(s);
+      if (!own.contains({fitted.point(node).x(), fitted.point(node).y()})) continue;
+      held.push_back(node);
+      is_new[static_cast<std::size_t>(node)] = false;
+    }
   }
 
   // The segments that frozen points need: those frozen as a whole, and those with a frozen point that none of them has,
@@ -605,8 +734,9 @@ class GlyphEditor {
     options.curve = has_quadratics() ? fontcore::CurveKind::Quadratic : fontcore::CurveKind::Cubic;
     options.coordinates = fontcore::Coordinates::Any;
     options.corners = marked_corners(index);
-    const std::vector<bool> is_frozen = frozen_points(index);
+    const std::vector<bool> is_frozen = staying_points(solved, index);
     options.kept_segments = segments_of(solved, is_frozen);
+    options.most_work = 100000000;
     const int other_degree = options.curve == fontcore::CurveKind::Cubic ? 2 : 3;
     for (const int s : options.kept_segments) {
       if (solved.degree(s) == other_degree) return std::nullopt;
@@ -626,6 +756,7 @@ class GlyphEditor {
         result.goal.is_new[static_cast<std::size_t>(held.back())] = false;
       }
     }
+    if (references_[index].is_textured) hold_own_nodes(solved, index, fit.contour, held, result.goal.is_new);
     std::ranges::sort(held);
     held.erase(std::ranges::unique(held).begin(), held.end());
     if (recipe_.keep.area == KeepArea::None || fit.contour == solved) return result;
@@ -651,11 +782,13 @@ class GlyphEditor {
   }
 
   const Font& font_;
+  const std::string& name_;
   const Contours& original_;
   const std::vector<ContourMarks>& marks_;  // one a contour, or none
   const Point drawn_at_;                    // the place in stored coordinates that a recipe calls the origin
   const Recipe& recipe_;
   fontcore::HandleMove handle_move_ = fontcore::HandleMove::Forced;
+  double finest_ = 0.0;
   std::vector<PlacedStep> steps_;
   fontcore::OutlineRules rules_;
   std::vector<fontcore::Rows> frozen_;  // per contour
@@ -736,6 +869,38 @@ void compare_ink(const Contours& before, const std::vector<fontcore::Crossing>& 
   } catch (const fontcore::WorkLimitExceeded&) {
     report.notes.emplace_back("counters are not compared: the contours lie on themselves too often");
   }
+}
+
+int points_of(const Contours& contours) {
+  return std::accumulate(contours.begin(), contours.end(), 0, [](int sum, const BezierContour& contour) {
+    const auto implied = std::ranges::count(contour.kinds(), fontcore::PointKind::ImpliedNode);
+    return sum + static_cast<int>(contour.point_count() - implied);
+  });
+}
+
+// The whole edit; where detail of libraries needs more points than the glyph may have, without its finest features.
+Attempt within_budget(GlyphEditor& editor, const Recipe& recipe, GlyphReport& report) {
+  Attempt attempt = editor.attempt(1.0);
+  const auto has_detail = [&] {
+    return std::ranges::any_of(attempt.steps, [](const StepReport& step) { return step.op == "character"; });
+  };
+  const int wanted = points_of(attempt.rounded);
+  int points = wanted;
+  for (double finest = first_left_out; points > recipe.most_points && has_detail(); finest *= std::numbers::sqrt2) {
+    if (finest > 1.0) {
+      throw Refusal{text("it would have ", points, " points without any detail, more than ", recipe.most_points)};
+    }
+    editor.leave_out_below(finest);
+    attempt = editor.attempt(1.0);
+    points = points_of(attempt.rounded);
+  }
+  if (points < wanted) {
+    const auto step = std::ranges::find(attempt.steps, "character", &StepReport::op);
+    report.notes.push_back(text("features of the library below ", step->finest,
+                                " units are left out: with them it has ", wanted, " points, without ", points,
+                                "; it may have ", recipe.most_points));
+  }
+  return attempt;
 }
 
 // The edit that comes nearest to the wish without adding a crossing: the largest safe amount, found by bisection; or,
@@ -842,7 +1007,7 @@ GlyphResult restyle_glyph(const Font& font, int id, const Recipe& recipe, const 
       return attempt.rounded == glyph.contours ? before : find_crossings(attempt.rounded);
     };
     const auto added = [&](const Attempt& attempt) { return added_crossings(before, crossings(attempt)); };
-    Attempt best = editor.attempt(1.0);
+    Attempt best = within_budget(editor, recipe, report);
     auto after = crossings(best);
     const int more = added_crossings(before, after);
     if (recipe.on_crossing != OnCrossing::Allow && more > 0) {
@@ -889,7 +1054,7 @@ GlyphResult restyle_glyph(const Font& font, int id, const Recipe& recipe, const 
   report.segments_kept = kept_segments(glyph.contours, result.contours);
   report.deviation = emission_deviation(result.unrounded, result.contours);
   if (const double taken = std::abs(report.area_before) - std::abs(report.area_target);
-      recipe.keep.area != KeepArea::None && taken != 0.0) {
+      recipe.keep.area != KeepArea::None && std::abs(taken) > 1e-9 * std::abs(report.area_before)) {
     report.notes.push_back(text("softening ", taken > 0.0 ? "takes " : "adds ", std::abs(taken), " square units, ",
                                 100.0 * std::abs(taken / report.area_before), " % of the area"));
   }
@@ -1110,7 +1275,12 @@ std::string report_json(const Font& font, const RestyleResult& result) {
         one["energy_before"] = step.energy_before;
         one["energy_after"] = step.energy_after;
       }
-      if (step.op == "soften") {
+      if (step.op == "character") {
+        one["arcs"] = step.arcs;
+        one["too_short"] = step.too_short;
+        one["base_move"] = step.base_move;
+        one["finest"] = step.finest;
+      } else if (step.op == "soften") {
         one["corners"] = step.corners;
         one["least_radius"] = step.least_radius;
       } else {

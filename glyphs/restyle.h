@@ -31,6 +31,10 @@ struct StepReport {
   double off_wish = 0.0;      ///< largest distance of the solved displacement from the wished one, font units
   int corners = 0;            ///< of a soften step: corners that are arcs now
   double least_radius = 0.0;  ///< of these arcs, font units
+  int arcs = 0;               ///< of a character step: arcs with new detail
+  int too_short = 0;          ///< and those without room for two fades, which stay
+  double base_move = 0.0;     ///< largest move of the outline projected at the library's scale, font units
+  double finest = 0.0;  ///< features shorter than this are left out, so that the glyph has no more points than it may
 };
 
 /// How much glyphs take in their file, before and after.

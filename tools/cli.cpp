@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <exception>
 #include <iostream>
+#include <map>
 
 #include "glyphs/error.h"
 #include "glyphs/safe_file.h"
@@ -14,6 +15,7 @@ namespace {
 
 using commands::Outcome;
 using commands::Request;
+using fontcore::text;
 using glyphs::RequestError;
 
 constexpr int misuse = 2;
@@ -80,9 +82,11 @@ struct Options {
   commands::SimplifyRequest simplify;
   commands::ConvertRequest convert;
   commands::ProofRequest proof;
+  commands::ExtractRequest extract;
+  commands::ApplyRequest apply;
 };
 
-/// One subcommand: its name and words, its own options, what it does.
+/// One subcommand: its name, in two words if it is one of several of a kind, its own options, what it does.
 struct Command {
   const char* name;
   const char* help;
@@ -126,7 +130,7 @@ Outcome restyle_family(const Options& options) {
   return commands::restyle_family(options.request, request);
 }
 
-constexpr std::array<Command, 7> table{{
+constexpr std::array<Command, 9> table{{
     {"inspect", "per glyph and contour: points, segments, corners, model, area, length", [](CLI::App&, Options&) {},
      [](const Options& options) { return commands::inspect(options.request); }},
     {"restyle",
@@ -162,9 +166,53 @@ constexpr std::array<Command, 7> table{{
      }},
     {"check", "where outlines meet themselves or each other; exit status 1 if anywhere", [](CLI::App&, Options&) {},
      [](const Options& options) { return commands::check(options.request); }},
-    {"area", "areas of glyphs: area measure FONT",
+    {"area measure", "exact signed area of every glyph",
      [](CLI::App& app, Options& options) { add_output(app, options, "the baseline, JSON"); },
      [](const Options& options) { return commands::measure_area(options.request, options.output); }},
+    {"character extract", "the detail of glyphs below a feature size, as a library",
+     [](CLI::App& app, Options& options) {
+       add_output(app, options, "the library, JSON")->required();
+       app.add_option("--scale", options.extract.scale, "feature size below which it is detail, font units")
+           ->required();
+       app.add_option("--glyph", options.extract.glyph, "the glyph to take it from; else --glyphs, --text or all");
+       app.add_option("--contour", options.extract.contour, "of the glyph only this contour, from 0")
+           ->check(CLI::NonNegativeNumber);
+       app.add_option("--from", options.extract.from, "of the contour only the stretch from near x,y forward");
+       app.add_option("--to", options.extract.to, "to near x,y");
+       app.add_option("--frame", options.extract.frame,
+                      "tangent: detail turns with the outline; scaled tangent: and grows with it; xy: neither");
+       app.add_option("--name", options.extract.name, "what the library is called");
+     },
+     [](const Options& options) {
+       commands::ExtractRequest extract = options.extract;
+       extract.output = options.output;
+       return commands::extract_character(options.request, extract);
+     }},
+    {"character apply", "a library of detail laid on a font",
+     [](CLI::App& app, Options& options) {
+       app.add_option("LIBRARY", options.apply.library, "the library, JSON")->required();
+       add_output(app, options, "the new font, .ttf, .otf or .ufo as FONT; may be FONT itself")->required();
+       app.add_option("--gain", options.apply.gain, "1: as it is; 0: the glyphs' own detail goes, and none comes");
+       app.add_option("--seed", options.apply.seed, "where on the outlines it falls; 1 unless given");
+       app.add_flag("--mirror", options.apply.mirrors, "run it the other way");
+       app.add_flag("--add", options.apply.adds, "to the glyphs' own detail, instead of in its place");
+       app.add_flag("--spare-straights", options.apply.spares_straights, "straight stems stay as they are");
+       app.add_flag("--hold-joins", options.apply.holds_joins, "smooth joins stay where they are");
+       app.add_option("--tolerance", options.apply.tolerance,
+                      "distance allowed between the textured outline and its curves, font units; 0.5 unless given");
+       app.add_option("--points", options.apply.points,
+                      "points that a glyph may have: the finest features are left out until it has no more")
+           ->check(CLI::Range(1, 65535));
+       app.add_option("--report", options.restyle.report, "what became of every glyph, JSON");
+       app.add_option("--proof", options.restyle.proof, "changed glyphs before and after, .png, .pdf or .svg");
+       app.add_flag("--strict", options.restyle.strict, "any refused glyph: exit status 1 and no output");
+     },
+     [](const Options& options) {
+       commands::RestyleRequest restyle = options.restyle;
+       restyle.recipe = options.apply.library;
+       restyle.output = options.output;
+       return commands::apply_character(options.request, options.apply, restyle);
+     }},
     {"convert", "a font as another kind of file: TrueType as OpenType and back, either as a UFO, one glyph as an SVG",
      [](CLI::App& app, Options& options) {
        app.add_option("OUT", options.convert.output, "the new file, .otf, .ttf, .ufo or .svg")->required();
@@ -188,6 +236,12 @@ constexpr std::array<Command, 7> table{{
        return commands::proof(options.request, proof);
      }},
 }};
+
+/// What commands of two words have in common.
+const std::map<std::string, std::string> kinds = {
+    {"area", "areas of glyphs"},
+    {"character", "detail below a feature size, taken from one place and put elsewhere"},
+};
 
 void add_common_options(CLI::App& app, Options& options) {
   Request& request = options.request;
@@ -234,22 +288,28 @@ int run_program(int count, char** arguments) {
   Options options;
   Outcome outcome;
   for (const Command& command : table) {
-    CLI::App* sub = app.add_subcommand(command.name, command.help);
-    if (std::string(command.name) == "area") {
-      sub->require_subcommand(1);
-      for (const char* later : {"check", "audit"})
-        sub->add_subcommand(later, "not in this version")->allow_extras()->group("")->callback([later] {
-          refuse(std::string("area ") + later);
-        });
-      sub = sub->add_subcommand("measure", "exact signed area of every glyph");
+    const std::string name = command.name;
+    const std::size_t space = name.find(' ');
+    CLI::App* parent = &app;
+    if (space != std::string::npos) {
+      const std::string kind = name.substr(0, space);
+      const auto known = app.get_subcommands([&](const CLI::App* sub) { return sub->get_name() == kind; });
+      parent = known.empty() ? app.add_subcommand(kind, kinds.at(kind)) : known[0];
+      parent->require_subcommand(1);
     }
+    CLI::App* const sub = parent->add_subcommand(name.substr(space == std::string::npos ? 0 : space + 1), command.help);
     // FONT stands before a command's own arguments.
     add_common_options(*sub, options);
     command.add_options(*sub, options);
     sub->callback([&] { outcome = run(command, options); });
   }
-  for (const char* later : {"character", "weight"})
-    app.add_subcommand(later, "not in this version")->allow_extras()->group("")->callback([later] { refuse(later); });
+  const auto refuse_later = [](CLI::App* parent, const std::string& name, const std::string& whole) {
+    parent->add_subcommand(name, "not in this version")->allow_extras()->group("")->callback([whole] {
+      refuse(whole);
+    });
+  };
+  for (const char* later : {"check", "audit"}) refuse_later(app.get_subcommand("area"), later, text("area ", later));
+  refuse_later(&app, "weight", "weight");
 
   try {
     app.parse(count, arguments);

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "glyphs/convert.h"
+#include "glyphs/detail_library.h"
 #include "glyphs/error.h"
 #include "glyphs/family.h"
 #include "glyphs/font_file.h"
@@ -87,6 +88,18 @@ std::vector<int> selected(const Request& request, const Font& font) {
 
 std::string count(std::size_t number, const char* of_what) {
   return text(number, " ", of_what, number == 1 ? "" : "s");
+}
+
+/// The value that a word stands for, or a refusal that names the words there are.
+template <typename Value>
+Value chosen(const std::string& option, const std::string& word,
+             const std::vector<std::pair<std::string, Value>>& words) {
+  std::vector<std::string> known;
+  for (const auto& [name, value] : words) {
+    if (name == word) return value;
+    known.push_back(name);
+  }
+  throw RequestError(text(option, " ", word, ": one of ", join(known, ", "), " is expected"));
 }
 
 /// Refuses outputs that would overwrite each other or what is read.
@@ -266,14 +279,18 @@ std::string summary(const Request& request, const RestyleRequest& restyle, const
 
 }  // namespace
 
-Outcome restyle(const Request& request, const RestyleRequest& restyle) {
+namespace {
+
+/// A font through a recipe, however it came to be; `restyle.recipe` is the name of the file that says what is done.
+template <typename MakeRecipe>
+Outcome restyle_by(const Request& request, const RestyleRequest& restyle, const MakeRecipe& make_recipe) {
   glyphs::file_kind(restyle.output);  // a wrong ending is refused before anything is read
   check_outputs({}, {restyle.output, restyle.report, restyle.proof});
   check_outputs({request.font, restyle.recipe}, {restyle.report, restyle.proof});
   check_outputs({restyle.recipe}, {restyle.output});
   const auto proof_format = restyle.proof.empty() ? glyphs::ProofFormat::Png : glyphs::proof_format(restyle.proof);
 
-  const glyphs::Recipe recipe = glyphs::load_recipe(restyle.recipe);
+  const glyphs::Recipe recipe = make_recipe();
   const Font font = load(request);
   glyphs::require_kind(font, restyle.output);
 
@@ -307,6 +324,79 @@ Outcome restyle(const Request& request, const RestyleRequest& restyle) {
   glyphs::write_files(files);
   if (request.json) return {report, "", 0};
   return {request.quiet ? "" : summary(request, restyle, font, result), "", 0};
+}
+
+}  // namespace
+
+Outcome restyle(const Request& request, const RestyleRequest& restyle) {
+  return restyle_by(request, restyle, [&] { return glyphs::load_recipe(restyle.recipe); });
+}
+
+Outcome apply_character(const Request& request, const ApplyRequest& apply, const RestyleRequest& restyle) {
+  return restyle_by(request, restyle, [&] {
+    if (!std::isfinite(apply.gain)) throw RequestError(text("--gain ", apply.gain, ": a number is expected"));
+    if (!(apply.tolerance > 0.0) || !std::isfinite(apply.tolerance))
+      throw RequestError(text("--tolerance ", apply.tolerance, ": a distance is expected"));
+    glyphs::Recipe recipe;
+    recipe.steps.emplace_back(glyphs::CharacterStep{.library_path = apply.library,
+                                                    .library = glyphs::load_library(apply.library),
+                                                    .gain = apply.gain,
+                                                    .adds = apply.adds,
+                                                    .mirrors = apply.mirrors,
+                                                    .spares_lines = apply.spares_straights,
+                                                    .holds_joins = apply.holds_joins});
+    recipe.emission = glyphs::Emission::Structure;
+    recipe.tolerance = apply.tolerance;
+    recipe.seed = apply.seed;
+    if (apply.points) recipe.most_points = *apply.points;
+    return recipe;
+  });
+}
+
+namespace {
+
+fontcore::Point place_from(const std::string& option, const std::string& text_of_it) {
+  const char* const end = text_of_it.data() + text_of_it.size();
+  fontcore::Point place;
+  const auto x = std::from_chars(text_of_it.data(), end, place.x());
+  const bool has_comma = x.ec == std::errc() && x.ptr != end && *x.ptr == ',';
+  const auto y = has_comma ? std::from_chars(x.ptr + 1, end, place.y()) : x;
+  if (!has_comma || y.ec != std::errc() || y.ptr != end || !place.allFinite())
+    throw RequestError(option + " " + text_of_it + ": a place x,y is expected");
+  return place;
+}
+
+}  // namespace
+
+Outcome extract_character(const Request& request, const ExtractRequest& extract) {
+  check_outputs({request.font}, {extract.output});
+  if (!(extract.scale > 0.0) || !std::isfinite(extract.scale))
+    throw RequestError(text("--scale ", extract.scale, ": a length in font units is expected"));
+  if (extract.from.empty() != extract.to.empty()) throw RequestError("--from and --to go together");
+  glyphs::ExtractOptions options{.scale = extract.scale, .contour = extract.contour};
+  using fontcore::DetailFrame;
+  options.frame = chosen<DetailFrame>(
+      "--frame", extract.frame,
+      {{"tangent", DetailFrame::Tangent}, {"scaled tangent", DetailFrame::ScaledTangent}, {"xy", DetailFrame::Fixed}});
+  if (!extract.from.empty()) options.stretch = {place_from("--from", extract.from), place_from("--to", extract.to)};
+  const Font font = load(request);
+  Request chosen_glyphs = request;
+  if (!extract.glyph.empty()) {
+    if (request.text || !request.glyphs.empty()) throw RequestError("--glyph goes without --glyphs and --text");
+    chosen_glyphs.glyphs = {extract.glyph};
+  }
+  options.name = !extract.name.empty() ? extract.name : !extract.glyph.empty() ? extract.glyph : font.family;
+  const fontcore::DetailLibrary library =
+      naming(request.font, [&] { return glyphs::extract_library(font, selected(chosen_glyphs, font), options); });
+  glyphs::write_file(extract.output, glyphs::library_json(library));
+  if (request.json) return {nlohmann::json{{"version", 1}, {"written", {extract.output}}}.dump() + "\n", "", 0};
+  if (request.quiet) return {};
+  double length = 0.0;
+  for (const fontcore::DetailSample& sample : library.samples) length += sample.length;
+  return {text(extract.output, ": ", count(library.samples.size(), "sample"), " of \"", library.name, "\", ",
+               rounded(length), " units of outline, detail below ", rounded(library.scale), " of ",
+               rounded(library.units_per_em), " units per em\n"),
+          "", 0};
 }
 
 namespace {
@@ -418,18 +508,6 @@ std::string simplify_summary(const Request& request, const SimplifyRequest& simp
   std::vector<std::string> written{simplify.output};
   if (!simplify.report.empty()) written.push_back(simplify.report);
   return out + "written: " + join(written, ", ") + "\n";
-}
-
-/// The value that a word stands for, or a refusal that names the words there are.
-template <typename Value>
-Value chosen(const std::string& option, const std::string& word,
-             const std::vector<std::pair<std::string, Value>>& words) {
-  std::vector<std::string> known;
-  for (const auto& [name, value] : words) {
-    if (name == word) return value;
-    known.push_back(name);
-  }
-  throw RequestError(text(option, " ", word, ": one of ", join(known, ", "), " is expected"));
 }
 
 }  // namespace

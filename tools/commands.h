@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -59,6 +60,33 @@ struct FamilyRequest {
   bool strict = false;
 };
 Outcome restyle_family(const Request& request, const FamilyRequest& family);
+
+/// Detail of a font's glyphs as a library.
+struct ExtractRequest {
+  std::string output;
+  std::string glyph;           ///< name or code point; empty: the request's selection
+  std::optional<int> contour;  ///< none: all
+  std::string from;            ///< "x,y", with `to` a stretch of one contour; empty: whole arcs
+  std::string to;
+  double scale = 0.0;  ///< font units
+  std::string frame = "tangent";
+  std::string name;  ///< empty: the glyph, or the font's family
+};
+Outcome extract_character(const Request& request, const ExtractRequest& extract);
+
+/// A library laid on a font.
+struct ApplyRequest {
+  std::string library;
+  double gain = 1.0;
+  std::uint64_t seed = 1;
+  bool mirrors = false;
+  bool adds = false;
+  bool spares_straights = false;
+  bool holds_joins = false;
+  double tolerance = 0.5;     ///< font units
+  std::optional<int> points;  ///< most that a glyph may have
+};
+Outcome apply_character(const Request& request, const ApplyRequest& apply, const RestyleRequest& restyle);
 
 struct SimplifyRequest {
   std::string output;
