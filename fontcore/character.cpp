@@ -151,6 +151,10 @@ class Dresser {
       }
       // At the next point too, so that nothing between the points reaches into what is held.
       dressed.mask[i] = faded(nearest - dressed.step, 0.5 * scale_);
+      for (const Point& place : options_.quiet) {
+        const double distance = (dressed.points.row(i).transpose() - place).norm();
+        dressed.mask[i] *= faded(distance - 0.25 * scale_, 0.25 * scale_);
+      }
     }
     if (dressed.mask.isZero(0.0)) return dressed;
 

@@ -23,6 +23,7 @@ struct CharacterOptions {
   bool spares_lines = false;  ///< lines longer than half the scale stay as they are
   bool holds_joins = false;   ///< smooth joins stay where they are
   std::vector<int> held;      ///< points of the contour that stay, and with a handle all of its segment
+  std::vector<Point> quiet;   ///< places with no detail within a quarter of the scale, and all of it from half of it on
   InkSide ink = InkSide::Left;
   std::string place;           ///< of the contour, as `extract_detail` has it
   std::optional<double> area;  ///< signed area the contour is to have

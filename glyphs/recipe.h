@@ -118,7 +118,7 @@ struct Recipe {
   Emission emission = Emission::Structure;
   double tolerance = 0.5;  ///< deviation of the emitted outline from the wished one that is remarked on, or that a
                            ///< compact one may have, font units
-  int most_points = 4000;  ///< that a glyph may have by a character step: its finest features are left out until it
+  int most_points = 2000;  ///< that a glyph may have by a character step: its finest features are left out until it
                            ///< has no more
   Composites composites = Composites::Refuse;  ///< what a selected composite means
   OnCrossing on_crossing = OnCrossing::Reduce;

@@ -12,6 +12,7 @@
 #include "fontcore/character.h"
 #include "fontcore/compact.h"
 #include "fontcore/crossing.h"
+#include "fontcore/degree.h"
 #include "fontcore/edit.h"
 #include "fontcore/fit.h"
 #include "fontcore/ink.h"
@@ -138,6 +139,12 @@ class GlyphEditor {
   bool has_work() const { return !steps_.empty(); }
   /// Leaves features of libraries out that are shorter than a share of their scale.
   void leave_out_below(double finest) { finest_ = finest; }
+  bool has_detail() const {
+    return std::ranges::any_of(
+        steps_, [](const PlacedStep& placed) { return std::holds_alternative<CharacterStep>(placed.step); });
+  }
+  /// Leaves detail of libraries out near a place.
+  void keep_quiet(const Point& place) { quiet_.push_back(place); }
   bool has_pin() const {
     return std::any_of(steps_.begin(), steps_.end(), [](const PlacedStep& placed) {
       const auto* const sweep = std::get_if<SweepStep>(&placed.step);
@@ -448,6 +455,7 @@ class GlyphEditor {
     options.ink = ink_side(original_, static_cast<std::size_t>(index));
     options.place = place_of(name_, index);
     options.seed = seed_of(recipe_.seed, options.place);
+    options.quiet = quiet_;
     for (const fontcore::Row& row : reference.frozen) options.held.push_back(row.terms.front().variable / 2);
     if (recipe_.keep.area != KeepArea::None) options.area = signed_area(reference.contour);
     fontcore::Character made;
@@ -683,21 +691,23 @@ class GlyphEditor {
     return stays;
   }
 
-  // Corners between textured stretches are where they were in the font, and stay there.
-  void hold_own_nodes(const BezierContour& solved, std::size_t index, const BezierContour& fitted,
-                      std::vector<int>& held, std::vector<bool>& is_new) const {
-    std::set<std::pair<double, double>> own;
+  // Points of an emitted outline that are where points stand that stay: of segments that nothing touched, and nodes of
+  // the font's between textured stretches.
+  std::vector<int> staying_in(const BezierContour& emitted, const BezierContour& solved, const std::vector<bool>& stays,
+                              std::size_t index) const {
+    const Reference& reference = references_[index];
+    std::set<std::pair<double, double>> places;
     for (int i = 0; i < solved.point_count(); ++i) {
-      const int from = references_[index].came_from[static_cast<std::size_t>(i)];
-      if (from < 0 || !is_node(solved.kind(i)) || solved.point(i) != original_[index].point(from)) continue;
-      own.emplace(solved.point(i).x(), solved.point(i).y());
+      const auto at = static_cast<std::size_t>(i);
+      const int from = reference.is_textured && is_node(solved.kind(i)) ? reference.came_from[at] : -1;
+      const bool is_own = from >= 0 && solved.point(i) == original_[index].point(from);
+      if (stays[at] || is_own) places.emplace(solved.point(i).x(), solved.point(i).y());
     }
-    for (int s = 0; s < fitted.segment_count(); ++s) {
-      const int node = fitted.node(s);
-      if (!own.contains({fitted.point(node).x(), fitted.point(node).y()})) continue;
-      held.push_back(node);
-      is_new[static_cast<std::size_t>(node)] = false;
+    std::vector<int> held;
+    for (int i = 0; i < emitted.point_count(); ++i) {
+      if (places.contains({emitted.point(i).x(), emitted.point(i).y()})) held.push_back(i);
     }
+    return held;
   }
 
   // The segments that frozen points need: those frozen as a whole, and those with a frozen point that none of them has,
@@ -734,42 +744,83 @@ class GlyphEditor {
     options.curve = has_quadratics() ? fontcore::CurveKind::Quadratic : fontcore::CurveKind::Cubic;
     options.coordinates = fontcore::Coordinates::Any;
     options.corners = marked_corners(index);
-    const std::vector<bool> is_frozen = staying_points(solved, index);
-    options.kept_segments = segments_of(solved, is_frozen);
-    options.most_work = 100000000;
-    const int other_degree = options.curve == fontcore::CurveKind::Cubic ? 2 : 3;
-    for (const int s : options.kept_segments) {
-      if (solved.degree(s) == other_degree) return std::nullopt;
+    const std::vector<bool> stays = staying_points(solved, index);
+    options.kept_segments = segments_of(solved, stays);
+    std::optional<BezierContour> emitted;
+    if (references_[index].is_textured && options.curve == fontcore::CurveKind::Quadratic) {
+      emitted = fitted_by_quadratics(solved, options);
+    } else {
+      const int other_degree = options.curve == fontcore::CurveKind::Cubic ? 2 : 3;
+      for (const int s : options.kept_segments) {
+        if (solved.degree(s) == other_degree) return std::nullopt;
+      }
+      fontcore::CompactFit fit = fit_compact(solved, options);
+      if (fit.why.empty()) emitted = std::move(fit.contour);
     }
-    const fontcore::CompactFit fit = fit_compact(solved, options);
-    if (!fit.why.empty()) return std::nullopt;
-    fontcore::Unrounded result{fit.contour, fit.contour, rules_, {}};
+    if (!emitted) return std::nullopt;
+    fontcore::Unrounded result{*emitted, *emitted, rules_, {}};
     result.goal.area = signed_area(solved);
     result.goal.scale = std::abs(signed_area(original_));
-    result.goal.is_new.assign(static_cast<std::size_t>(fit.contour.point_count()), true);
-    std::vector<int> held;
-    for (std::size_t i = 0; i < options.kept_segments.size(); ++i) {
-      const int s = options.kept_segments[i];
-      for (int k = 0; k <= solved.degree(s); ++k) {
-        if (!is_frozen[static_cast<std::size_t>(solved.point_of(s, k))]) continue;
-        held.push_back(fit.contour.point_of(fit.kept_at[i], k));
-        result.goal.is_new[static_cast<std::size_t>(held.back())] = false;
-      }
-    }
-    if (references_[index].is_textured) hold_own_nodes(solved, index, fit.contour, held, result.goal.is_new);
-    std::ranges::sort(held);
-    held.erase(std::ranges::unique(held).begin(), held.end());
-    if (recipe_.keep.area == KeepArea::None || fit.contour == solved) return result;
+    result.goal.is_new.assign(static_cast<std::size_t>(emitted->point_count()), true);
+    const std::vector<int> held = staying_in(*emitted, solved, stays, index);
+    for (const int point : held) result.goal.is_new[static_cast<std::size_t>(point)] = false;
+    if (recipe_.keep.area == KeepArea::None || *emitted == solved) return result;
     fontcore::StructureEdit edit;
     edit.rules = rules_;
     edit.area = result.goal.area;
-    edit.breadth = length(fit.contour);
+    edit.breadth = length(*emitted);
     edit.rows = rows(fontcore::FrozenStretch{"what is frozen", held});
     const auto stay = [](int, double, double) { return Point(Point::Zero()); };
-    fontcore::StructureFit given_back = refit_structure(fontcore::OutlineArcs(fit.contour), stay, edit);
+    fontcore::StructureFit given_back = refit_structure(fontcore::OutlineArcs(*emitted), stay, edit);
     if (!given_back.report.failed.empty()) return std::nullopt;
     result.edited = std::move(given_back.contour);
     return result;
+  }
+
+  // A texture in quadratics: fitted by cubics, and these cut. What is kept comes back as the quadratics it was.
+  static std::optional<BezierContour> fitted_by_quadratics(const BezierContour& solved,
+                                                           fontcore::CompactOptions options) {
+    constexpr double share_of_cubics = 0.6;
+    const double tolerance = options.tolerance;
+    options.curve = fontcore::CurveKind::Cubic;
+    options.tolerance = share_of_cubics * tolerance;
+    const fontcore::CompactFit fit = fit_compact(raised_to_cubics(solved), options);
+    if (!fit.why.empty()) return std::nullopt;
+    std::vector<Point> points;
+    std::vector<fontcore::PointKind> kinds;
+    for (int s = 0; s < fit.contour.segment_count(); ++s) {
+      const auto kept = std::ranges::find(fit.kept_at, s);
+      const Bezier segment =
+          kept == fit.kept_at.end()
+              ? fit.contour.segment(s)
+              : solved.segment(options.kept_segments[static_cast<std::size_t>(kept - fit.kept_at.begin())]);
+      for (int k = 0; k < segment.degree; ++k) {
+        points.push_back(segment.p[static_cast<std::size_t>(k)]);
+        kinds.push_back(k == 0                ? fontcore::PointKind::Node
+                        : segment.degree == 2 ? fontcore::PointKind::Quadratic
+                                              : fontcore::PointKind::Cubic);
+      }
+    }
+    fontcore::Points list(static_cast<Eigen::Index>(points.size()), 2);
+    for (std::size_t i = 0; i < points.size(); ++i) list.row(static_cast<Eigen::Index>(i)) = points[i].transpose();
+    return with_implied_nodes(fontcore::lowered_to_quadratics({std::move(list), std::move(kinds)},
+                                                              (1.0 - share_of_cubics) * tolerance, false));
+  }
+
+  // Nodes midway between two quadratic handles need no point of their own.
+  static BezierContour with_implied_nodes(const BezierContour& contour) {
+    std::vector<fontcore::PointKind> kinds = contour.kinds();
+    const auto n = static_cast<int>(kinds.size());
+    for (int i = 0; i < n; ++i) {
+      const int before = (i + n - 1) % n;
+      const int after = (i + 1) % n;
+      if (contour.kind(before) != fontcore::PointKind::Quadratic ||
+          contour.kind(after) != fontcore::PointKind::Quadratic)
+        continue;
+      if (contour.point(i) == 0.5 * (contour.point(before) + contour.point(after)))
+        kinds[static_cast<std::size_t>(i)] = fontcore::PointKind::ImpliedNode;
+    }
+    return {contour.points(), std::move(kinds)};
   }
 
   std::vector<fontcore::Rounding> round_together(const std::vector<fontcore::Unrounded>& moved) const {
@@ -789,6 +840,7 @@ class GlyphEditor {
   const Recipe& recipe_;
   fontcore::HandleMove handle_move_ = fontcore::HandleMove::Forced;
   double finest_ = 0.0;
+  std::vector<Point> quiet_;
   std::vector<PlacedStep> steps_;
   fontcore::OutlineRules rules_;
   std::vector<fontcore::Rows> frozen_;  // per contour
@@ -881,12 +933,10 @@ int points_of(const Contours& contours) {
 // The whole edit; where detail of libraries needs more points than the glyph may have, without its finest features.
 Attempt within_budget(GlyphEditor& editor, const Recipe& recipe, GlyphReport& report) {
   Attempt attempt = editor.attempt(1.0);
-  const auto has_detail = [&] {
-    return std::ranges::any_of(attempt.steps, [](const StepReport& step) { return step.op == "character"; });
-  };
   const int wanted = points_of(attempt.rounded);
   int points = wanted;
-  for (double finest = first_left_out; points > recipe.most_points && has_detail(); finest *= std::numbers::sqrt2) {
+  for (double finest = first_left_out; points > recipe.most_points && editor.has_detail();
+       finest *= std::numbers::sqrt2) {
     if (finest > 1.0) {
       throw Refusal{text("it would have ", points, " points without any detail, more than ", recipe.most_points)};
     }
@@ -901,6 +951,30 @@ Attempt within_budget(GlyphEditor& editor, const Recipe& recipe, GlyphReport& re
                                 "; it may have ", recipe.most_points));
   }
   return attempt;
+}
+
+// Where detail of libraries adds crossings, it is left out around them. Returns how many are left.
+int quieted(GlyphEditor& editor, const std::vector<fontcore::Crossing>& before, int more, Attempt& best,
+            std::vector<fontcore::Crossing>& after, GlyphReport& report) {
+  constexpr int rounds = 4;
+  int places = 0;
+  const auto is_old = [&](const fontcore::Crossing& crossing) {
+    return std::ranges::any_of(before, [&](const auto& old) { return (old.where - crossing.where).norm() < 1.0; });
+  };
+  for (int round = 0; round < rounds && more > 0; ++round) {
+    for (const fontcore::Crossing& crossing : after) {
+      if (is_old(crossing)) continue;
+      editor.keep_quiet(crossing.where);
+      ++places;
+    }
+    Attempt tried = editor.attempt(1.0);
+    auto crossings = find_crossings(tried.rounded);
+    more = added_crossings(before, crossings);
+    best = std::move(tried);
+    after = std::move(crossings);
+  }
+  if (more == 0) report.notes.push_back(text("detail is left out around ", places, " places: there it would cross"));
+  return more;
 }
 
 // The edit that comes nearest to the wish without adding a crossing: the largest safe amount, found by bisection; or,
@@ -1009,7 +1083,10 @@ GlyphResult restyle_glyph(const Font& font, int id, const Recipe& recipe, const 
     const auto added = [&](const Attempt& attempt) { return added_crossings(before, crossings(attempt)); };
     Attempt best = within_budget(editor, recipe, report);
     auto after = crossings(best);
-    const int more = added_crossings(before, after);
+    int more = added_crossings(before, after);
+    if (recipe.on_crossing == OnCrossing::Reduce && more > 0 && editor.has_detail()) {
+      more = quieted(editor, before, more, best, after, report);
+    }
     if (recipe.on_crossing != OnCrossing::Allow && more > 0) {
       if (recipe.on_crossing == OnCrossing::Refuse) throw Refusal{text("crossings that the edit adds: ", more)};
       if (editor.has_pin()) throw Refusal{text("crossings that the pinned move adds: ", more)};
