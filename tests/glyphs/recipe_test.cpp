@@ -107,6 +107,19 @@ TEST_CASE("unknown and repeated keys, wrong types and what cannot be honoured ar
   CHECK(equalize("[1]") == "r.json: steps[0].bands: must be an object: {\"20\": 0.5, \"80\": 1.3}");
   CHECK(refusal(R"({"steps": [{"op": "weight", "model": "b.json"}]})") ==
         "r.json: steps[0].op: \"weight\" is not in this version of glyphwave");
+  const auto character = [](const std::string& keys) {
+    return refusal(R"({"steps": [{"op": "character")" + keys + "}]}");
+  };
+  CHECK(character(R"(, "library": "l.json")").empty());
+  CHECK(
+      character(
+          R"(, "library": "l.json", "gain": -0.5, "add": true, "mirror": true, "straights": "spare", "joins": "hold")")
+          .empty());
+  CHECK(character("") == "r.json: steps[0].library: must name a library of detail");
+  CHECK(character(R"(, "library": "l.json", "gain": "much")") == "r.json: steps[0].gain: must be a number");
+  CHECK(character(R"(, "library": "l.json", "scale": 60)") == "r.json: steps[0].scale: unknown key");
+  CHECK(refusal(R"({"steps": [], "emit": {"points": 0}})") ==
+        "r.json: emit.points: is the most that a glyph may have: a whole number from 1 to 65535");
   CHECK(refusal(R"({"steps": [{"op": "swep"}]})") ==
         "r.json: steps[0].op: \"swep\" is not one of \"sweep\", \"smooth\", \"equalize\", \"soften\", "
         "\"character\", \"weight\"");

@@ -149,8 +149,7 @@ TEST_CASE("misuse is one line and status 2", "[cli]") {
 }
 
 TEST_CASE("what this version does not have yet is refused by name", "[cli]") {
-  for (const char* command : {"character", "weight"})
-    check_refusal(glyphwave({command, serif, "-o", "x.otf"}), {command, "not in this version"});
+  check_refusal(glyphwave({"weight", serif, "-o", "x.otf"}), {"weight", "not in this version"});
   check_refusal(glyphwave({"area", "check", "base.json", serif}), {"area check", "not in this version"});
   check_refusal(glyphwave({"area", "audit", serif}), {"area audit", "not in this version"});
   check_refusal(glyphwave({"inspect", serif, "--location", "wght=650"}), {serif, "is not variable"});
@@ -161,6 +160,34 @@ TEST_CASE("what this version does not have yet is refused by name", "[cli]") {
   put(folder / "r.json", recipe_for("a", 1));
   check_refusal(glyphwave({"restyle", serif, folder / "r.json", "-o", folder / "o.otf"}), {"o.otf"});
   CHECK(folder.files() == std::vector<std::string>{"r.json"});
+}
+
+TEST_CASE("detail goes from one font to another, by command or recipe", "[cli]") {
+  const Folder folder;
+  const std::string library = folder / "hand.json";
+  const Run extract = glyphwave({"character", "extract", serif, "--glyph", "s", "--scale", "200", "-o", library});
+  CHECK(extract.status == 0);
+  CHECK(extract.out.find("of \"s\"") != std::string::npos);
+  put(folder / "r.json",
+      R"({"glyphs": "o", "seed": 1, "steps": [{"op": "character", "library": "hand.json", "gain": 2}]})");
+  const Run recipe = glyphwave({"restyle", serif, folder / "r.json", "-o", folder / "one.ttf", "-q"});
+  CHECK(recipe.status == 0);
+  const Run apply =
+      glyphwave({"character", "apply", serif, library, "--glyphs", "o", "--gain", "2", "-o", folder / "two.ttf", "-q"});
+  CHECK(apply.status == 0);
+  CHECK(contents(folder / "one.ttf") == contents(folder / "two.ttf"));
+  CHECK(contents(folder / "one.ttf") != contents(serif));
+  check_refusal(glyphwave({"character"}), {"subcommand"});
+  check_refusal(glyphwave({"character", "extract", serif, "--scale", "0", "-o", library}), {"--scale 0"});
+  check_refusal(glyphwave({"character", "extract", serif, "--glyph", "o", "--scale", "5000", "-o", folder / "x.json"}),
+                {"5000", "no detail"});
+  check_refusal(glyphwave({"character", "extract", serif, "--glyph", "o", "--from", "1", "--to", "2,3", "--scale", "80",
+                           "-o", folder / "x.json"}),
+                {"--from 1"});
+  check_refusal(glyphwave({"character", "apply", serif, folder / "r.json", "-o", folder / "x.ttf"}),
+                {"r.json", "version: is missing"});
+  put(folder / "r.json", R"({"steps": [{"op": "character", "library": "none.json"}]})");
+  check_refusal(glyphwave({"restyle", serif, folder / "r.json", "-o", folder / "x.ttf"}), {"none.json"});
 }
 
 TEST_CASE("a font that is none is refused in one line that names it, for every command", "[cli]") {
