@@ -23,4 +23,7 @@
 #include "fontcore/compact.h"
 #include "fontcore/degree.h"
 #include "fontcore/rounding.h"
+#include "fontcore/detail.h"
+#include "fontcore/texture.h"
+#include "fontcore/character.h"
 // clang-format on
