@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
 
+#include "fontcore/analogy.h"
 #include "fontcore/error.h"
 #include "fontcore/measure.h"
 #include "fontcore/solve.h"
@@ -15,12 +15,12 @@ namespace {
 
 using Eigen::Index;
 
-constexpr double no_distance = std::numeric_limits<double>::infinity();
 // What is shorter than this share of the scale is rounding, not detail.
 constexpr double nothing = 1e-5;
 // Of the length of features that are looked at, the distance of the curve's own points.
 constexpr double coarsest_step = 1.0 / 64.0;
 constexpr Index most_points = 20000;
+constexpr double own_fade = 1.0 / 32.0;  // of the scale: room for the last of it to become nothing
 // How far a cubic may be from the points between its ends, as a share of the scale.
 constexpr double thinning = 1e-4;
 constexpr Index longest_piece = 16;  // in points
@@ -138,19 +138,21 @@ class Dresser {
     const DetailBase& base = dressed.base.emplace(dressed.points, dressed.is_closed, scale_);
 
     const auto held = held_on(arc);
+    // A difference learnt at this very place comes to nothing at the corners by itself.
+    const bool has_faded = options_.adds && own != library_.samples.end() && !options_.place.empty();
     dressed.mask = Eigen::VectorXd::Ones(count);
     for (Index i = 0; i < count; ++i) {
       const double s = static_cast<double>(i) * dressed.step;
-      double nearest = no_distance;
       for (const auto& [from, to] : held) {
         double distance = std::max({from - s, s - to, 0.0});
         if (dressed.is_closed) {
           distance = std::min({distance, std::max(from - s + arc.length, 0.0), std::max(s + arc.length - to, 0.0)});
         }
-        nearest = std::min(nearest, distance);
+        const bool is_end = !dressed.is_closed && (to == 0.0 || from == arc.length);
+        const double fade = has_faded && is_end ? own_fade * scale_ : 0.5 * scale_;
+        // At the next point too, so that nothing between the points reaches into what is held.
+        dressed.mask[i] = std::min(dressed.mask[i], faded(distance - dressed.step, fade));
       }
-      // At the next point too, so that nothing between the points reaches into what is held.
-      dressed.mask[i] = faded(nearest - dressed.step, 0.5 * scale_);
       for (const Point& place : options_.quiet) {
         const double distance = (dressed.points.row(i).transpose() - place).norm();
         dressed.mask[i] *= faded(distance - 0.25 * scale_, 0.25 * scale_);
@@ -171,11 +173,12 @@ class Dresser {
     const bool is_reversed = options_.ink == InkSide::Right;
     DetailBed bed{base.length() / options_.unit, base.is_closed(), {}, {}};
     bed.place = place_of(index);
+    if (library_.by_shape) bed.shape = shape_of(base);
     Eigen::VectorXd places = base.places() / options_.unit;
     if (is_reversed) places = (bed.length - places.array()).matrix();
-    if (library_.by_shape) bed.shape = shape_of(base);
-    const Points offsets =
-        lay_detail(library_, bed, mixed(options_.seed, static_cast<std::uint64_t>(index)), options_.mirrors, places);
+    const auto seed = mixed(options_.seed, static_cast<std::uint64_t>(index));
+    const Points offsets = library_.by_shape ? lay_by_shape(library_, bed, places)
+                                             : lay_detail(library_, bed, seed, options_.mirrors, places);
     Points result = options_.gain * options_.unit * offsets;
     if (library_.frame != DetailFrame::Fixed) {
       for (Index i = 0; i < result.rows(); ++i) {

@@ -152,20 +152,20 @@ Eigen::RowVector2d between(const Eigen::VectorXd& places, const Points& values, 
 
 double wrapped_angle(double angle) { return std::remainder(angle, 2.0 * std::numbers::pi); }
 
-// Detail of a run of points with the ink on its left, at even steps of the base.
-DetailSample sample_of(const Points& points, bool is_closed, double scale, DetailFrame frame) {
-  const DetailBase base(points, is_closed, scale);
-  const Points own = points - base.points();
-  Points offsets = own;
+}  // namespace
+
+DetailSample to_sample(const DetailBase& base, const Points& detail, DetailFrame frame) {
+  const bool is_closed = base.is_closed();
+  Points offsets = detail;
   if (frame != DetailFrame::Fixed) {
-    for (Index i = 0; i < own.rows(); ++i) {
+    for (Index i = 0; i < detail.rows(); ++i) {
       const Eigen::RowVector2d t = base.tangents().row(i);
-      offsets(i, 0) = own.row(i).dot(t);
-      offsets(i, 1) = own(i, 0) * t.y() - own(i, 1) * t.x();
+      offsets(i, 0) = detail.row(i).dot(t);
+      offsets(i, 1) = detail(i, 0) * t.y() - detail(i, 1) * t.x();
     }
   }
   const Points shape = base.shape();
-  const Index n = points.rows();
+  const Index n = detail.rows();
   DetailSample sample;
   sample.length = base.length();
   sample.is_closed = is_closed;
@@ -185,7 +185,6 @@ DetailSample sample_of(const Points& points, bool is_closed, double scale, Detai
   return sample;
 }
 
-// A sample as a function of the place: a closed one goes on for ever.
 Eigen::RowVector2d value_at(const DetailSample& sample, bool mirrors, double x) {
   if (mirrors) x = sample.length - x;
   const Index n = sample.offsets.rows();
@@ -205,6 +204,13 @@ Eigen::RowVector2d value_at(const DetailSample& sample, bool mirrors, double x) 
   return value;
 }
 
+namespace {
+
+// Detail of a run of points with the ink on its left, at even steps of the base.
+DetailSample sample_of(const Points& points, bool is_closed, double scale, DetailFrame frame) {
+  const DetailBase base(points, is_closed, scale);
+  return to_sample(base, points - base.points(), frame);
+}
 // The detail of a run whose points can be had at any number of even steps: so many that it is what more of them say.
 template <typename PointsAt>
 DetailSample sampled(const PointsAt& points_at, double length, bool is_closed, double scale, DetailFrame frame) {

@@ -98,6 +98,11 @@ class DetailBase {
   Points tangents_;
 };
 
+/// A displacement of a base's points as a sample: in the frame, at even steps of the base.
+DetailSample to_sample(const DetailBase& base, const Points& detail, DetailFrame frame);
+/// The offsets at a place, by cubics between the steps: a closed sample goes on for ever; mirrored, from its end.
+Eigen::RowVector2d value_at(const DetailSample& sample, bool mirrors, double x);
+
 /// The detail below `scale` of every arc of an outline that has room for two fades of half the scale, and of a contour
 /// without corners.
 ///

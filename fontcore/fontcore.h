@@ -25,5 +25,6 @@
 #include "fontcore/rounding.h"
 #include "fontcore/detail.h"
 #include "fontcore/texture.h"
+#include "fontcore/analogy.h"
 #include "fontcore/character.h"
 // clang-format on
