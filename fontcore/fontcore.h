@@ -26,5 +26,6 @@
 #include "fontcore/detail.h"
 #include "fontcore/texture.h"
 #include "fontcore/analogy.h"
+#include "fontcore/place.h"
 #include "fontcore/character.h"
 // clang-format on
