@@ -4,12 +4,17 @@
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <functional>
 #include <iterator>
 #include <limits>
+#include <numbers>
 
+#include "fontcore/analogy.h"
 #include "fontcore/error.h"
 #include "fontcore/ink.h"
 #include "fontcore/measure.h"
+#include "fontcore/texture.h"
+#include "glyphs/drawing.h"
 #include "glyphs/error.h"
 #include "glyphs/json_reader.h"
 
@@ -245,6 +250,279 @@ DetailLibrary parse_library(const std::string& json, const std::string& name) {
 std::shared_ptr<const DetailLibrary> load_library(const std::filesystem::path& path) {
   const std::string name = path.string();
   return std::make_shared<const DetailLibrary>(parse_library(read_text(name), name));
+}
+
+namespace {
+
+namespace texture = fontcore::texture;
+
+// The parameters of a kind by their names.
+using Parameters = std::vector<std::pair<std::string, std::function<void(double)>>>;
+
+Parameters parameters_of(texture::Texture& any) {
+  const auto of = [](std::vector<std::pair<std::string, double*>> lengths, std::uint64_t* seed) {
+    Parameters parameters;
+    for (const auto& [name, to] : lengths) parameters.emplace_back(name, [at = to](double value) { *at = value; });
+    if (seed != nullptr) {
+      parameters.emplace_back("seed", [seed](double value) {
+        if (value < 0.0 || value > 0x1p53 || value != std::floor(value)) throw RequestError("a seed is a whole number");
+        *seed = static_cast<std::uint64_t>(value);
+      });
+    }
+    return parameters;
+  };
+  if (auto* const noise = std::get_if<texture::Noise>(&any)) {
+    return of({{"shortest", &noise->shortest}, {"longest", &noise->longest}, {"amplitude", &noise->amplitude}},
+              &noise->seed);
+  }
+  if (auto* const wave = std::get_if<texture::Wave>(&any)) {
+    return of({{"wavelength", &wave->wavelength}, {"amplitude", &wave->amplitude}}, nullptr);
+  }
+  if (auto* const saw = std::get_if<texture::Saw>(&any)) {
+    return of(
+        {{"wavelength", &saw->wavelength}, {"height", &saw->height}, {"lean", &saw->lean}, {"radius", &saw->radius}},
+        nullptr);
+  }
+  if (auto* const scallop = std::get_if<texture::Scallop>(&any)) {
+    return of({{"wavelength", &scallop->wavelength}, {"height", &scallop->height}, {"radius", &scallop->radius}},
+              nullptr);
+  }
+  auto& ink = std::get<texture::Ink>(any);
+  return of({{"wavelength", &ink.wavelength},
+             {"amplitude", &ink.amplitude},
+             {"fine_wavelength", &ink.fine_wavelength},
+             {"fine_amplitude", &ink.fine_amplitude}},
+            &ink.seed);
+}
+
+// The one of its pairs that a word names; refused with all their names if none does.
+template <typename Pairs>
+auto& named(Pairs& pairs, const std::string& what, const std::string& word) {
+  std::string known;
+  for (auto& [name, value] : pairs) {
+    if (name == word) return value;
+    known += (known.empty() ? "" : ", ") + name;
+  }
+  throw RequestError(text(what, " \"", word, "\" is not one of ", known));
+}
+
+std::vector<std::string> split_at_commas(const std::string& words) {
+  std::vector<std::string> items{""};
+  for (const char c : words) {
+    if (c == ',') {
+      items.emplace_back();
+    } else {
+      items.back() += c;
+    }
+  }
+  return items;
+}
+
+void check_scale(double scale) {
+  if (!(scale > 0.0) || !std::isfinite(scale))
+    throw RequestError(text("a scale of ", scale, " units is no feature size"));
+}
+
+// The contours of a glyph that both fonts have, in the plain one's units.
+std::vector<BezierContour> counterpart(const Font& plain, const Font& other, int id) {
+  const Glyph& glyph = plain.glyphs.at(static_cast<std::size_t>(id));
+  const int found = other.find(glyph.name);
+  if (found < 0) throw RequestError(text(other.path, ": there is no ", glyph.name));
+  const Glyph& twin = other.glyphs.at(static_cast<std::size_t>(found));
+  if (twin.contours.size() != glyph.contours.size()) {
+    throw RequestError(text(glyph.name, ": ", glyph.contours.size(), " contours in ", plain.path, ", ",
+                            twin.contours.size(), " in ", other.path));
+  }
+  const double unit = static_cast<double>(plain.units_per_em) / other.units_per_em;
+  std::vector<BezierContour> contours;
+  for (std::size_t c = 0; c < twin.contours.size(); ++c) {
+    BezierContour scaled = unit == 1.0
+                               ? twin.contours[c]
+                               : transform(twin.contours[c], {unit * Eigen::Matrix2d::Identity(), Point::Zero()});
+    // TrueType and CFF run opposite ways.
+    const bool is_opposite = signed_area(scaled) * signed_area(glyph.contours[c]) < 0.0;
+    contours.push_back(is_opposite ? reverse(scaled) : std::move(scaled));
+  }
+  return contours;
+}
+
+}  // namespace
+
+DetailLibrary procedural_library(const std::string& words, const std::string& name) {
+  std::vector<std::pair<std::string, texture::Texture>> kinds = {{"noise", texture::Noise{}},
+                                                                 {"wave", texture::Wave{}},
+                                                                 {"saw", texture::Saw{}},
+                                                                 {"scallop", texture::Scallop{}},
+                                                                 {"ink", texture::Ink{}}};
+  const std::vector<std::string> items = split_at_commas(words);
+  texture::Texture& chosen = named(kinds, "the texture", items[0]);
+  Parameters parameters = parameters_of(chosen);
+  for (std::size_t k = 1; k < items.size(); ++k) {
+    const std::size_t equals = items[k].find('=');
+    const auto& set = named(parameters, items[0] + ": the parameter", items[k].substr(0, equals));
+    const std::string digits = equals == std::string::npos ? "" : items[k].substr(equals + 1);
+    double value = 0.0;
+    const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
+    if (error != std::errc() || end != digits.data() + digits.size() || !std::isfinite(value)) {
+      throw RequestError(text(items[0], ": ", items[k], ": PARAMETER=NUMBER is expected"));
+    }
+    set(value);
+  }
+  try {
+    return texture::make_library(chosen, name);
+  } catch (const fontcore::InvalidInput& error) {
+    throw RequestError(error.what());
+  }
+}
+
+DetailLibrary drawn_library(const std::string& path, double unit, double units_per_em, const ExtractOptions& options) {
+  check_scale(options.scale);
+  DetailLibrary library;
+  library.name = options.name;
+  library.units_per_em = units_per_em;
+  library.scale = options.scale;
+  library.frame = options.frame;
+  // Chords of a hundredth of the scale are far below the steps of a sample.
+  for (const Stroke& stroke : load_drawing(path, {.scale = unit, .step = 0.01 * options.scale})) {
+    double run = 0.0;
+    const auto n = stroke.points.rows();
+    for (Eigen::Index i = stroke.is_closed ? 0 : 1; i < n; ++i) {
+      run += (stroke.points.row(i) - stroke.points.row((i + n - 1) % n)).norm();
+    }
+    if (run < options.scale) continue;
+    library.samples.push_back(extract_detail(stroke.points, stroke.is_closed, options.scale, options.frame));
+  }
+  if (library.samples.empty()) {
+    throw RequestError(text(path, ": no stroke is as long as the scale of ", options.scale, " units"));
+  }
+  return library;
+}
+
+DetailLibrary learn_library(const Font& plain, const Font& textured, const std::vector<int>& glyphs,
+                            const ExtractOptions& options) {
+  check_scale(options.scale);
+  DetailLibrary library;
+  library.name = options.name;
+  library.units_per_em = plain.units_per_em;
+  library.scale = options.scale;
+  library.frame = options.frame;
+  library.by_shape = true;
+  for (const int id : glyphs) {
+    const Glyph& glyph = plain.glyphs.at(static_cast<std::size_t>(id));
+    // Of a whole font what only one of the two has says nothing.
+    if (glyphs.size() > 1 && (glyph.contours.empty() || textured.find(glyph.name) < 0)) continue;
+    const std::vector<BezierContour> other = counterpart(plain, textured, id);
+    for (std::size_t c = 0; c < other.size(); ++c) {
+      if (options.contour && *options.contour != static_cast<int>(c)) continue;
+      if (!has_inside(glyph.contours[c]) || !has_inside(other[c])) continue;
+      try {
+        auto samples = learn_difference(fontcore::arcs_at_scale(glyph.contours[c], options.scale),
+                                        fontcore::arcs_at_scale(other[c], options.scale), options.scale, options.frame,
+                                        ink_side(glyph.contours, c), place_of(glyph.name, static_cast<int>(c)));
+        std::ranges::move(samples, std::back_inserter(library.samples));
+      } catch (const fontcore::InvalidInput& error) {
+        throw RequestError(text(glyph.name, ": contour ", c, ": ", error.what()));
+      }
+    }
+  }
+  if (library.samples.empty()) throw RequestError("the two fonts have no arc in common that is as long as the scale");
+  return library;
+}
+
+fontcore::PlacedDetail learn_edit(const Font& plain, const Font& edited, int id, const ExtractOptions& options) {
+  const Glyph& glyph = plain.glyphs.at(static_cast<std::size_t>(id));
+  const std::vector<BezierContour> other = counterpart(plain, edited, id);
+  if (!options.stretch) throw RequestError(glyph.name + ": the stretch that was edited is not given");
+  std::size_t on = static_cast<std::size_t>(options.contour.value_or(0));
+  if (on >= other.size()) throw RequestError(text(glyph.name, ": there is no contour ", on, ": it has ", other.size()));
+  const auto distance = [&](std::size_t c) {
+    return nearest_point(glyph.contours[c], options.stretch->first).distance;
+  };
+  for (std::size_t c = 0; c < other.size() && !options.contour; ++c) {
+    if (distance(c) < distance(on)) on = c;
+  }
+  const BezierContour& contour = glyph.contours[on];
+  const auto from = nearest_point(contour, options.stretch->first);
+  const auto to = nearest_point(contour, options.stretch->second);
+  try {
+    return learn_place(fontcore::OutlineArcs(contour), fontcore::OutlineArcs(other[on]), {from.segment, from.u},
+                       {to.segment, to.u}, plain.units_per_em, ink_side(glyph.contours, on));
+  } catch (const fontcore::InvalidInput& error) {
+    throw RequestError(text(glyph.name, ": contour ", on, ": ", error.what()));
+  }
+}
+
+namespace {
+
+constexpr double thousandths = 1000.0;
+
+fontcore::PlacedDetail read_edit(const std::string& json) {
+  const Json root = parse_json(json);
+  ObjectReader reader(root, "");
+  const Json& version = reader.take("version");
+  if (version != 1) reader.fail("version", "is " + version.dump() + "; this version of glyphwave reads 1");
+  if (reader.take_text("kind", "") != "edit") reader.fail("kind", "must be \"edit\": this is no edit of a stretch");
+  reader.take_text("name", "");
+  fontcore::PlacedDetail edit;
+  edit.path = read_rows(reader, "path", 1e6) / thousandths;
+  edit.displacement = read_rows(reader, "displacement", 1e6) / thousandths;
+  if (edit.displacement.rows() != edit.path.rows()) reader.fail("displacement", "must have as many rows as \"path\"");
+  const Json& along = reader.take("along");
+  if (!along.is_array() || static_cast<long>(along.size()) != edit.path.rows())
+    reader.fail("along", "must be a list of as many numbers as \"path\" has rows");
+  edit.along.resize(edit.path.rows());
+  for (Eigen::Index i = 0; i < edit.along.size(); ++i) {
+    const Json& place = along[static_cast<std::size_t>(i)];
+    if (!place.is_number()) reader.fail(text("along[", i, "]"), "must be a number");
+    edit.along[i] = place.get<double>() / thousandths;
+    const bool rises = i == 0 ? edit.along[i] == 0.0 : edit.along[i] > edit.along[i - 1];
+    if (!rises || edit.along[i] > 1e3) reader.fail(text("along[", i, "]"), "places rise from 0");
+  }
+  const Json& corners = reader.take("corners");
+  if (!corners.is_array()) reader.fail("corners", "must be a list of pairs: place and degrees");
+  for (const Json& corner : corners) {
+    if (!corner.is_array() || corner.size() != 2 || !corner[0].is_number() || !corner[1].is_number())
+      reader.fail("corners", "must be a list of pairs: place and degrees");
+    const double at = corner[0].get<double>() / thousandths;
+    const double least = edit.corners.empty() ? 0.0 : edit.corners.back().at;
+    if (!(at >= least) || !(at <= edit.along[edit.along.size() - 1]))
+      reader.fail("corners", "must lie on the stretch, in order");
+    edit.corners.push_back({at, corner[1].get<double>() * std::numbers::pi / 180.0});
+  }
+  reader.finish();
+  return edit;
+}
+
+}  // namespace
+
+std::string edit_json(const fontcore::PlacedDetail& edit, const std::string& name) {
+  std::string out = "{\n  \"version\": 1,\n  \"kind\": \"edit\",\n  \"name\": ";
+  out += Json(name).dump(-1, ' ', false, Json::error_handler_t::replace);
+  out += ",\n  \"corners\": [";
+  for (std::size_t k = 0; k < edit.corners.size(); ++k) {
+    out += k == 0 ? "[" : ",[";
+    append(out, thousandths * edit.corners[k].at, least_step);
+    out += ",";
+    append(out, edit.corners[k].turn * 180.0 / std::numbers::pi, least_step);
+    out += "]";
+  }
+  out += "],\n  \"along\": [";
+  for (Eigen::Index i = 0; i < edit.along.size(); ++i) {
+    if (i > 0) out += ",";
+    append(out, thousandths * edit.along[i], least_step);
+  }
+  out += "],\n  \"path\": " + list_of(thousandths * edit.path, least_step, least_step);
+  out += ",\n  \"displacement\": " + list_of(thousandths * edit.displacement, least_step, least_step);
+  return out + "\n}\n";
+}
+
+fontcore::PlacedDetail parse_edit(const std::string& json, const std::string& name) {
+  return naming_file(name, json, read_edit);
+}
+
+std::shared_ptr<const fontcore::PlacedDetail> load_edit(const std::filesystem::path& path) {
+  const std::string name = path.string();
+  return std::make_shared<const fontcore::PlacedDetail>(parse_edit(read_text(name), name));
 }
 
 }  // namespace glyphs

@@ -9,6 +9,7 @@
 
 #include "fontcore/contour.h"
 #include "fontcore/detail.h"
+#include "fontcore/place.h"
 #include "glyphs/font.h"
 
 namespace glyphs {
@@ -42,6 +43,36 @@ struct ExtractOptions {
 ///         glyph cannot be read.
 fontcore::DetailLibrary extract_library(const Font& font, const std::vector<int>& glyphs,
                                         const ExtractOptions& options);
+
+/// A library that follows a rule: "KIND" or "KIND,PARAMETER=VALUE,...", in the words of `fontcore::texture`; lengths
+/// are thousandths of the em.
+///
+/// Throws  RequestError naming the word that is no kind, no parameter or no number, or as `texture::make_library`.
+fontcore::DetailLibrary procedural_library(const std::string& words, const std::string& name);
+
+/// The detail of drawn strokes: a sample of every one that is as long as the scale.
+///
+/// Units   of an em of `units_per_em`; a unit of the drawing is `unit` of them. Of the options scale, frame and name.
+/// Throws  RequestError naming the file if it cannot be read, or no stroke is as long.
+fontcore::DetailLibrary drawn_library(const std::string& path, double unit, double units_per_em,
+                                      const ExtractOptions& options);
+
+/// What makes glyphs of a font those of its textured version, found by their names, laid by shape: to be added to other
+/// glyphs' own detail. A font of another em is scaled.
+///
+/// Throws  RequestError naming the glyph if the two have not the same contours, or if there is nothing in common.
+fontcore::DetailLibrary learn_library(const Font& plain, const Font& textured, const std::vector<int>& glyphs,
+                                      const ExtractOptions& options);
+
+/// What was done to the stretch of a glyph, to be done again wherever outlines run alike; of the options the contour
+/// and the stretch. It has no feature size.
+///
+/// Throws  RequestError naming the glyph.
+fontcore::PlacedDetail learn_edit(const Font& plain, const Font& edited, int glyph, const ExtractOptions& options);
+/// Such an edit as its file has it, and back, like a library; lengths are thousandths of the em.
+std::string edit_json(const fontcore::PlacedDetail& edit, const std::string& name);
+fontcore::PlacedDetail parse_edit(const std::string& json, const std::string& name);
+std::shared_ptr<const fontcore::PlacedDetail> load_edit(const std::filesystem::path& path);
 
 /// The side of a contour that has the ink: the one with a winding number, or where both or neither have one, that of
 /// the contours together.

@@ -115,14 +115,34 @@ Step read_character(ObjectReader& reader) {
   return step;
 }
 
+Step read_repeat(ObjectReader& reader) {
+  RepeatStep step;
+  step.library_path = reader.take_text("library", "");
+  if (step.library_path.empty()) reader.fail("library", "must name an edit");
+  if (reader.has("within")) step.within = reader.take_number("within");
+  if (!(step.within > 0.0) || step.within > 1000.0) reader.fail("within", "must be positive, and at most 1000");
+  step.mirrors = reader.take_flag("mirror", true);
+  step.turns = reader.take_flag("turn", false);
+  if (reader.has("sizes")) {
+    const fontcore::Point sizes = reader.take_point("sizes");
+    step.smallest = sizes.x();
+    step.largest = sizes.y();
+    if (!(step.smallest >= 0.01) || !(step.largest >= step.smallest) || step.largest > 100.0)
+      reader.fail("sizes", "must be the smallest and the largest, from 0.01 to 100");
+  }
+  return step;
+}
+
 Step read_step(const Json& json, const std::string& path) {
   ObjectReader reader(json, path);
-  const std::string op = reader.take_choice("op", {"sweep", "smooth", "equalize", "soften", "character", "weight"}, "");
+  const std::string op =
+      reader.take_choice("op", {"sweep", "smooth", "equalize", "soften", "character", "repeat", "weight"}, "");
   if (op == "weight" || op.empty()) reader.fail("op", "\"" + op + "\" " + later);
   Step step = op == "sweep"      ? read_sweep(reader)
               : op == "smooth"   ? read_smooth(reader)
               : op == "equalize" ? read_equalize(reader)
               : op == "soften"   ? read_soften(reader)
+              : op == "repeat"   ? read_repeat(reader)
                                  : read_character(reader);
   const std::string glyph = reader.take_text("glyph", "");
   const std::optional<int> contour = reader.take_contour();
@@ -247,6 +267,8 @@ Recipe load_recipe(const std::string& path) {
   for (Step& step : recipe.steps) {
     auto* const character = std::get_if<CharacterStep>(&step);
     if (character != nullptr) character->library = load_library(folder / character->library_path);
+    auto* const repeat = std::get_if<RepeatStep>(&step);
+    if (repeat != nullptr) repeat->edit = load_edit(folder / repeat->library_path);
   }
   return recipe;
 }

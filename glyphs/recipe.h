@@ -11,6 +11,7 @@
 #include "fontcore/detail.h"
 #include "fontcore/edit.h"
 #include "fontcore/measure.h"
+#include "fontcore/place.h"
 #include "glyphs/font.h"
 
 namespace glyphs {
@@ -77,7 +78,20 @@ struct CharacterStep {
   bool holds_joins = false;   ///< smooth joins stay where they are
 };
 
-using Step = std::variant<SweepStep, SmoothStep, EqualizeStep, SoftenStep, CharacterStep>;
+/// An edit of one stretch, a serif, done again wherever outlines run alike.
+struct RepeatStep {
+  std::string glyph;  ///< as in SmoothStep
+  std::optional<int> contour;
+  std::string library_path;                            ///< as in CharacterStep
+  std::shared_ptr<const fontcore::PlacedDetail> edit;  ///< none until `load_recipe` has read it
+  double within = 4.0;    ///< largest distance between matching points, thousandths of the em
+  bool mirrors = true;    ///< mirror images too
+  bool turns = false;     ///< and turned by any angle
+  double smallest = 1.0;  ///< sizes that are looked for
+  double largest = 1.0;
+};
+
+using Step = std::variant<SweepStep, SmoothStep, EqualizeStep, SoftenStep, CharacterStep, RepeatStep>;
 
 enum class KeepArea { Glyph, Contour, None };
 enum class OnCrossing { Reduce, Refuse, Allow };

@@ -222,6 +222,10 @@ class GlyphEditor {
     if (!step.library) throw RequestError(step.library_path + ": the library of a character step is not loaded");
     if (step.gain != 0.0 || !step.adds) place_on_contours(step, step.contour);
   }
+  void place(const RepeatStep& step, double) {
+    if (!step.edit) throw RequestError(step.library_path + ": the edit of a repeat step is not loaded");
+    place_on_contours(step, step.contour);
+  }
   void place_on_contours(const Step& step, std::optional<int> contour) {
     if (contour) {
       steps_.push_back({step, checked(*contour)});
@@ -498,8 +502,10 @@ class GlyphEditor {
     fontcore::StructureFit fit;
     try {
       const auto* const sweep = std::get_if<SweepStep>(&placed.step);
-      fit = sweep != nullptr ? swept(*sweep, amount, contour, edit, report)
-                             : smoothed(placed.step, amount, contour, edit, report);
+      const auto* const repeat = std::get_if<RepeatStep>(&placed.step);
+      fit = sweep != nullptr    ? swept(*sweep, amount, contour, edit, report)
+            : repeat != nullptr ? repeated(*repeat, amount, contour, edit, report)
+                                : smoothed(placed.step, amount, contour, edit, report);
     } catch (const fontcore::InvalidInput& error) {
       throw Refusal{text("contour ", placed.contour, ": ", error.what())};
     }
@@ -507,7 +513,8 @@ class GlyphEditor {
     for (std::size_t k = 0; k < fit.got.size(); ++k) report.handles[k].got = fit.got[k];
     report.against.insert(report.against.end(), fit.against.begin(), fit.against.end());
     report.off_wish = fit.off_wish;
-    if (corners() == fontcore::Corners::Round && report.op != "sweep" && fit.off_wish > recipe_.tolerance) {
+    if (corners() == fontcore::Corners::Round && report.op != "sweep" && report.op != "repeat" &&
+        fit.off_wish > recipe_.tolerance) {
       report.against.push_back(
           text("the outline's own points: it ends up to ", fit.off_wish, " units off the rounded one"));
     }
@@ -530,6 +537,26 @@ class GlyphEditor {
       return {contour, {}, {}, {}, 0.0};
     }
     return fontcore::refit_structure(curve, edit);
+  }
+
+  fontcore::StructureFit repeated(const RepeatStep& step, double amount, const BezierContour& contour,
+                                  const fontcore::StructureEdit& edit, StepReport& report) const {
+    report.op = "repeat";
+    const auto index = static_cast<std::size_t>(report.contour);
+    const std::vector<fontcore::OutlineArcs> outlines{
+        fontcore::OutlineArcs(contour, {.corners = marked_corners(index)})};
+    const fontcore::PlaceOptions options{.tolerance = step.within,
+                                         .mirrors = step.mirrors,
+                                         .turns = step.turns,
+                                         .smallest = step.smallest,
+                                         .largest = step.largest,
+                                         .units_per_em = static_cast<double>(font_.units_per_em),
+                                         .ink = ink_side(original_, index)};
+    fontcore::PlacedDetail detail = *step.edit;
+    const std::vector<fontcore::MatchingPlace> places = find_places(outlines, detail, options);
+    report.places = static_cast<int>(places.size());
+    detail.displacement *= amount;
+    return add_at_places(outlines[0], detail, places, options, edit);
   }
 
   fontcore::StructureFit smoothed(const Step& step, double amount, const BezierContour& contour,
@@ -1357,6 +1384,9 @@ std::string report_json(const Font& font, const RestyleResult& result) {
         one["too_short"] = step.too_short;
         one["base_move"] = step.base_move;
         one["finest"] = step.finest;
+      } else if (step.op == "repeat") {
+        one["places"] = step.places;
+        one["off_wish"] = step.off_wish;
       } else if (step.op == "soften") {
         one["corners"] = step.corners;
         one["least_radius"] = step.least_radius;

@@ -34,6 +34,7 @@ struct StepReport {
   int arcs = 0;               ///< of a character step: arcs with new detail
   int too_short = 0;          ///< and those without room for two fades, which stay
   double base_move = 0.0;     ///< largest move of the outline projected at the library's scale, font units
+  int places = 0;             ///< of a repeat step: stretches that run alike
   double finest = 0.0;  ///< features shorter than this are left out, so that the glyph has no more points than it may
 };
 

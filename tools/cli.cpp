@@ -84,6 +84,7 @@ struct Options {
   commands::ProofRequest proof;
   commands::ExtractRequest extract;
   commands::ApplyRequest apply;
+  commands::RepeatRequest repeat;
 };
 
 /// One subcommand: its name, in two words if it is one of several of a kind, its own options, what it does.
@@ -130,7 +131,7 @@ Outcome restyle_family(const Options& options) {
   return commands::restyle_family(options.request, request);
 }
 
-constexpr std::array<Command, 9> table{{
+constexpr std::array<Command, 10> table{{
     {"inspect", "per glyph and contour: points, segments, corners, model, area, length", [](CLI::App&, Options&) {},
      [](const Options& options) { return commands::inspect(options.request); }},
     {"restyle",
@@ -172,8 +173,17 @@ constexpr std::array<Command, 9> table{{
     {"character extract", "the detail of glyphs below a feature size, as a library",
      [](CLI::App& app, Options& options) {
        add_output(app, options, "the library, JSON")->required();
-       app.add_option("--scale", options.extract.scale, "feature size below which it is detail, font units")
-           ->required();
+       app.get_option("FONT")->required(false);
+       app.add_option("--scale", options.extract.scale, "feature size below which it is detail, font units");
+       app.add_option("--procedural", options.extract.procedural,
+                      "no font, but a rule: noise, wave, saw, scallop or ink, and its parameters: noise,amplitude=2");
+       app.add_option("--drawing", options.extract.drawing, "the strokes of an SVG, or of a text of points x,y");
+       app.add_option("--unit", options.extract.unit, "font units that a unit of the drawing is long; 1 unless given");
+       app.add_option(
+              "--like", options.extract.like,
+              "two fonts, plain and textured: what differs, glyph by glyph; with --from and --to an edit of one "
+              "stretch, for `character repeat`")
+           ->expected(2);
        app.add_option("--glyph", options.extract.glyph, "the glyph to take it from; else --glyphs, --text or all");
        app.add_option("--contour", options.extract.contour, "of the glyph only this contour, from 0")
            ->check(CLI::NonNegativeNumber);
@@ -212,6 +222,26 @@ constexpr std::array<Command, 9> table{{
        restyle.recipe = options.apply.library;
        restyle.output = options.output;
        return commands::apply_character(options.request, options.apply, restyle);
+     }},
+    {"character repeat", "an edit of one stretch, a serif, put wherever outlines run alike",
+     [](CLI::App& app, Options& options) {
+       app.add_option("EDIT", options.repeat.library, "the edit, JSON, by `character extract --like`")->required();
+       add_output(app, options, "the new font, .ttf, .otf or .ufo as FONT; may be FONT itself")->required();
+       app.add_option("--within", options.repeat.within,
+                      "how far from its own a stretch may be, thousandths of the em; 4 unless given");
+       app.add_flag("!--no-mirror", options.repeat.mirrors, "not its mirror images");
+       app.add_flag("--turn", options.repeat.turns, "turned by any angle too");
+       app.add_option("--sizes", options.repeat.sizes, "smallest and largest size that it may have: 0.8 1.2")
+           ->expected(2);
+       app.add_option("--report", options.restyle.report, "what became of every glyph, JSON");
+       app.add_option("--proof", options.restyle.proof, "changed glyphs before and after, .png, .pdf or .svg");
+       app.add_flag("--strict", options.restyle.strict, "any refused glyph: exit status 1 and no output");
+     },
+     [](const Options& options) {
+       commands::RestyleRequest restyle = options.restyle;
+       restyle.recipe = options.repeat.library;
+       restyle.output = options.output;
+       return commands::repeat_character(options.request, options.repeat, restyle);
      }},
     {"convert", "a font as another kind of file: TrueType as OpenType and back, either as a UFO, one glyph as an SVG",
      [](CLI::App& app, Options& options) {

@@ -353,6 +353,31 @@ Outcome apply_character(const Request& request, const ApplyRequest& apply, const
   });
 }
 
+Outcome repeat_character(const Request& request, const RepeatRequest& repeat, const RestyleRequest& restyle) {
+  return restyle_by(request, restyle, [&] {
+    glyphs::RepeatStep step{.library_path = repeat.library,
+                            .edit = glyphs::load_edit(repeat.library),
+                            .within = repeat.within,
+                            .mirrors = repeat.mirrors,
+                            .turns = repeat.turns};
+    if (!(repeat.within > 0.0) || !std::isfinite(repeat.within))
+      throw RequestError(text("--within ", repeat.within, ": thousandths of the em are expected"));
+    if (!repeat.sizes.empty()) {
+      step.smallest = repeat.sizes[0];
+      step.largest = repeat.sizes[1];
+      if (!(step.smallest > 0.0) || !(step.largest >= step.smallest) || !std::isfinite(step.largest))
+        throw RequestError(text("--sizes ", step.smallest, " ", step.largest, ": smallest and largest are expected"));
+    }
+    glyphs::Recipe recipe;
+    recipe.steps.emplace_back(std::move(step));
+    recipe.emission = glyphs::Emission::Structure;
+    // The edit says itself what moves; what it was made of is the designer's.
+    recipe.keep.area = glyphs::KeepArea::None;
+    recipe.keep.lines = recipe.keep.extrema = recipe.keep.zones_auto = false;
+    return recipe;
+  });
+}
+
 namespace {
 
 fontcore::Point place_from(const std::string& option, const std::string& text_of_it) {
@@ -368,35 +393,95 @@ fontcore::Point place_from(const std::string& option, const std::string& text_of
 
 }  // namespace
 
+namespace {
+
+Outcome written(const Request& request, const std::string& path, const std::string& summary) {
+  if (request.json) return {nlohmann::json{{"version", 1}, {"written", {path}}}.dump() + "\n", "", 0};
+  return {request.quiet ? "" : path + ": " + summary + "\n", "", 0};
+}
+
+/// The one glyph that --glyph names, or the request's selection.
+std::vector<int> selected_for(const Request& request, const ExtractRequest& extract, const Font& font) {
+  Request chosen_glyphs = request;
+  if (!extract.glyph.empty()) {
+    if (request.text || !request.glyphs.empty()) throw RequestError("--glyph goes without --glyphs and --text");
+    chosen_glyphs.glyphs = {extract.glyph};
+  }
+  return selected(chosen_glyphs, font);
+}
+
+}  // namespace
+
 Outcome extract_character(const Request& request, const ExtractRequest& extract) {
-  check_outputs({request.font}, {extract.output});
-  if (!(extract.scale > 0.0) || !std::isfinite(extract.scale))
-    throw RequestError(text("--scale ", extract.scale, ": a length in font units is expected"));
+  const int sources =
+      (extract.procedural.empty() ? 0 : 1) + (extract.drawing.empty() ? 0 : 1) + (extract.like.empty() ? 0 : 1);
+  if (sources > 1) throw RequestError("--procedural, --drawing and --like: one source at a time");
+  const bool has_font = !request.font.empty();
+  if (has_font ? !extract.procedural.empty() || !extract.like.empty() : sources == 0) {
+    throw RequestError(has_font ? "--procedural and --like go without FONT" : "FONT is required");
+  }
+  check_outputs({request.font, extract.drawing}, {extract.output});
+  check_outputs(extract.like, {extract.output});
   if (extract.from.empty() != extract.to.empty()) throw RequestError("--from and --to go together");
+  const bool is_edit = !extract.like.empty() && !extract.from.empty();
+  const bool needs_scale = extract.procedural.empty() && !is_edit;
+  if (needs_scale && (!(extract.scale > 0.0) || !std::isfinite(extract.scale)))
+    throw RequestError(text("--scale ", extract.scale, ": a length in font units is expected"));
+  if (!needs_scale && extract.scale != 0.0) throw RequestError("--scale: this source has none to choose");
   glyphs::ExtractOptions options{.scale = extract.scale, .contour = extract.contour};
   using fontcore::DetailFrame;
   options.frame = chosen<DetailFrame>(
       "--frame", extract.frame,
       {{"tangent", DetailFrame::Tangent}, {"scaled tangent", DetailFrame::ScaledTangent}, {"xy", DetailFrame::Fixed}});
   if (!extract.from.empty()) options.stretch = {place_from("--from", extract.from), place_from("--to", extract.to)};
-  const Font font = load(request);
-  Request chosen_glyphs = request;
-  if (!extract.glyph.empty()) {
-    if (request.text || !request.glyphs.empty()) throw RequestError("--glyph goes without --glyphs and --text");
-    chosen_glyphs.glyphs = {extract.glyph};
+  const auto named = [&](const std::string& otherwise) {
+    return !extract.name.empty() ? extract.name : !extract.glyph.empty() ? extract.glyph : otherwise;
+  };
+
+  fontcore::DetailLibrary library;
+  if (!extract.procedural.empty()) {
+    library = glyphs::procedural_library(extract.procedural, extract.name);
+  } else if (!extract.drawing.empty()) {
+    if (!(extract.unit > 0.0) || !std::isfinite(extract.unit))
+      throw RequestError(text("--unit ", extract.unit, ": a length in font units is expected"));
+    options.name = named(std::filesystem::path(extract.drawing).stem().string());
+    const double units_per_em = has_font ? load(request).units_per_em : 1000.0;
+    library = glyphs::drawn_library(extract.drawing, extract.unit, units_per_em, options);
+  } else if (!extract.like.empty()) {
+    Request other = request;
+    other.font = extract.like[0];
+    const Font plain = load(other);
+    other.font = extract.like[1];
+    const Font textured = load(other);
+    options.name = named(textured.family);
+    const std::vector<int> ids = selected_for(request, extract, plain);
+    if (is_edit) {
+      if (ids.size() != 1) throw RequestError(text("--from and --to: a stretch of one glyph, not of ", ids.size()));
+      const fontcore::PlacedDetail edit = glyphs::learn_edit(plain, textured, ids[0], options);
+      glyphs::write_file(extract.output, glyphs::edit_json(edit, options.name));
+      const double unit = plain.units_per_em;
+      std::string summary = text("an edit of ", rounded(unit * edit.along[edit.along.size() - 1]), " units with ",
+                                 count(edit.corners.size(), "corner"), ", which moves up to ",
+                                 rounded(unit * edit.displacement.rowwise().norm().maxCoeff()));
+      if (edit.faded > 1e-4) {
+        summary += text("; moves of up to ", rounded(unit * edit.faded), " near its ends are left out: take it longer");
+      }
+      return written(request, extract.output, summary);
+    }
+    library = naming(extract.like[0], [&] { return glyphs::learn_library(plain, textured, ids, options); });
+  } else {
+    const Font font = load(request);
+    options.name = named(font.family);
+    library = naming(request.font,
+                     [&] { return glyphs::extract_library(font, selected_for(request, extract, font), options); });
   }
-  options.name = !extract.name.empty() ? extract.name : !extract.glyph.empty() ? extract.glyph : font.family;
-  const fontcore::DetailLibrary library =
-      naming(request.font, [&] { return glyphs::extract_library(font, selected(chosen_glyphs, font), options); });
   glyphs::write_file(extract.output, glyphs::library_json(library));
-  if (request.json) return {nlohmann::json{{"version", 1}, {"written", {extract.output}}}.dump() + "\n", "", 0};
-  if (request.quiet) return {};
   double length = 0.0;
   for (const fontcore::DetailSample& sample : library.samples) length += sample.length;
-  return {text(extract.output, ": ", count(library.samples.size(), "sample"), " of \"", library.name, "\", ",
-               rounded(length), " units of outline, detail below ", rounded(library.scale), " of ",
-               rounded(library.units_per_em), " units per em\n"),
-          "", 0};
+  return written(request, extract.output,
+                 text(count(library.samples.size(), "sample"), " of \"", library.name, "\", ", rounded(length),
+                      " units of outline, detail below ", rounded(library.scale), " of ", rounded(library.units_per_em),
+                      " units per em"));
 }
 
 namespace {

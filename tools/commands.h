@@ -70,7 +70,11 @@ struct ExtractRequest {
   std::string to;
   double scale = 0.0;  ///< font units
   std::string frame = "tangent";
-  std::string name;  ///< empty: the glyph, or the font's family
+  std::string name;               ///< empty: the glyph, or the font's family
+  std::string procedural;         ///< "KIND,PARAMETER=VALUE,..": a library that follows a rule, of no font
+  std::string drawing;            ///< an SVG or a text of points: the detail of its strokes; a font gives the em
+  double unit = 1.0;              ///< of the drawing, font units
+  std::vector<std::string> like;  ///< a plain font and its textured version: what differs; with a stretch, one edit
 };
 Outcome extract_character(const Request& request, const ExtractRequest& extract);
 
@@ -86,6 +90,16 @@ struct ApplyRequest {
   double tolerance = 0.5;     ///< font units
   std::optional<int> points;  ///< most that a glyph may have
 };
+/// An edit of one stretch, put wherever outlines run alike.
+struct RepeatRequest {
+  std::string library;
+  double within = 4.0;  ///< thousandths of the em
+  bool mirrors = true;
+  bool turns = false;
+  std::vector<double> sizes;  ///< smallest and largest; empty: its own alone
+};
+Outcome repeat_character(const Request& request, const RepeatRequest& repeat, const RestyleRequest& restyle);
+
 Outcome apply_character(const Request& request, const ApplyRequest& apply, const RestyleRequest& restyle);
 
 struct SimplifyRequest {

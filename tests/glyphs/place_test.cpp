@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "glyphs/detail_library.h"
+#include "glyphs/error.h"
 #include "glyphs/font_file.h"
 #include "tests/bundled_fonts.h"
 #include "tests/catch.h"
@@ -105,4 +107,42 @@ TEST_CASE("so is a foot without corners", "[place]") {
   CHECK(counts(font, detail, {.tolerance = 16, .units_per_em = em}) ==
         std::map<char, int>{
             {'f', 1}, {'h', 2}, {'i', 1}, {'k', 1}, {'l', 1}, {'m', 3}, {'n', 2}, {'p', 1}, {'q', 1}, {'r', 1}});
+}
+
+TEST_CASE("an edit comes back from its file, and a bad file is refused by its key", "[place]") {
+  const Font font = load_font(bundled_font("liberation-serif/LiberationSerif-Regular.ttf"));
+  Font edited = font;
+  const int n = font.character_map.at(U'n');
+  BezierContour& contour = edited.glyphs[static_cast<std::size_t>(n)].contours[0];
+  for (int i = 0; i < static_cast<int>(contour.point_count()); ++i) {
+    if (contour.point(i).x() == 993) contour.set_point(i, contour.point(i) + Point(24, -3));
+  }
+  ExtractOptions options;
+  options.stretch = {Point(879, 300), Point(713, 300)};
+  const PlacedDetail edit = learn_edit(font, edited, n, options);
+  const std::string file = edit_json(edit, "foot");
+  const PlacedDetail read = parse_edit(file, "foot.json");
+  CHECK(edit_json(read, "foot") == file);
+  CHECK((read.path - edit.path).cwiseAbs().maxCoeff() < 1e-6);
+  CHECK((read.displacement - edit.displacement).cwiseAbs().maxCoeff() < 1e-6);
+  CHECK(read.corners.size() == edit.corners.size());
+  // The same from a font of another em.
+  Font twice = edited;
+  twice.units_per_em *= 2;
+  for (BezierContour& one : twice.glyphs[static_cast<std::size_t>(n)].contours) {
+    one = transform(one, {2.0 * Eigen::Matrix2d::Identity(), Point::Zero()});
+  }
+  CHECK((learn_edit(font, twice, n, options).displacement - edit.displacement).cwiseAbs().maxCoeff() < 1e-9);
+
+  const auto refused = [&](const std::string& what, const std::string& by) {
+    std::string other = file;
+    other.replace(other.find(what), what.size(), by);
+    return message_of<RequestError>([&] { parse_edit(other, "foot.json"); });
+  };
+  CHECK(refused("\"kind\": \"edit\"", "\"kind\": \"detail\"").find("foot.json: kind") == 0);
+  CHECK(refused("\"version\": 1", "\"version\": 2").find("foot.json: version") == 0);
+  CHECK(refused("\"along\": [0,", "\"along\": [1,").find("foot.json: along[0]") == 0);
+  CHECK(refused("\"path\": [[", "\"path\": [[\"a\",").find("foot.json: path[0]") == 0);
+  CHECK(refused("\"corners\": [[", "\"corners\": [[-5,").find("foot.json: corners") == 0);
+  CHECK(refused("\"name\"", "\"nam\"").find("nam") != std::string::npos);
 }

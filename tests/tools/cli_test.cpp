@@ -190,6 +190,83 @@ TEST_CASE("detail goes from one font to another, by command or recipe", "[cli]")
   check_refusal(glyphwave({"restyle", serif, folder / "r.json", "-o", folder / "x.ttf"}), {"none.json"});
 }
 
+TEST_CASE("a library comes from a rule, from a drawing or from two fonts", "[cli]") {
+  const Folder folder;
+  const std::string library = folder / "l.json";
+  REQUIRE(glyphwave({"character", "extract", "--procedural", "wave,amplitude=3", "-o", library}).status == 0);
+  CHECK(json::parse(contents(library))["scale"] == 75);
+  REQUIRE(glyphwave({"character", "apply", serif, library, "--glyphs", "o", "-o", folder / "w.ttf", "-q"}).status == 0);
+  CHECK(contents(folder / "w.ttf") != contents(serif));
+  const Run learnt = glyphwave(
+      {"character", "extract", "--like", serif, folder / "w.ttf", "--glyph", "o", "--scale", "160", "-o", library});
+  REQUIRE(learnt.status == 0);
+  CHECK(learnt.out.find("2 samples") != std::string::npos);
+  CHECK(json::parse(contents(library))["by_shape"] == true);
+  const std::string drawing = bundled_font("drawings/dry_brush.svg");
+  REQUIRE(glyphwave({"character", "extract", "--drawing", drawing, "--scale", "110", "-o", library}).status == 0);
+  CHECK(json::parse(contents(library))["unitsPerEm"] == 1000);
+  REQUIRE(
+      glyphwave({"character", "extract", serif, "--drawing", drawing, "--unit", "2", "--scale", "220", "-o", library})
+          .status == 0);
+  CHECK(json::parse(contents(library))["unitsPerEm"] == 2048);
+
+  const auto refused = [&](std::vector<std::string> arguments, const std::string& what) {
+    arguments.insert(arguments.begin(), {"character", "extract", "-o", folder / "x.json"});
+    check_refusal(glyphwave(arguments), {what});
+  };
+  refused({}, "FONT is required");
+  refused({"--procedural", "waves"}, "waves");
+  refused({"--procedural", "wave,height=3"}, "height");
+  refused({"--procedural", "wave,amplitude"}, "wave: amplitude");
+  refused({"--procedural", "wave,amplitude=-1"}, "amplitude");
+  refused({"--procedural", "noise,seed=0.5"}, "seed");
+  refused({"--procedural", "wave", "--scale", "90"}, "--scale");
+  refused({serif, "--procedural", "wave"}, "without FONT");
+  refused({"--procedural", "wave", "--drawing", drawing}, "one source at a time");
+  refused({"--drawing", drawing}, "--scale 0");
+  refused({"--drawing", drawing, "--scale", "9000"}, "9000");
+  refused({"--drawing", serif, "--scale", "90"}, "line 1");
+  refused({"--drawing", drawing, "--scale", "90", "--unit", "0"}, "--unit 0");
+  refused({"--like", serif, bundled_otf[0], "--glyph", "o", "--scale", "90", "--contour", "7"}, "no arc in common");
+  CHECK_FALSE(fs::exists(folder / "x.json"));
+}
+
+TEST_CASE("an edit of one foot goes to the feet that run alike", "[cli]") {
+  const Folder folder;
+  put(folder / "r.json",
+      R"({"glyphs": "n", "steps": [{"op": "sweep", "glyph": "n", "near": [993, 22], "move": [30, 0], "breadth": 120}],
+          "keep": {"area": "none"}})");
+  REQUIRE(glyphwave({"restyle", serif, folder / "r.json", "-o", folder / "e.ttf", "-q"}).status == 0);
+  const std::string edit = folder / "edit.json";
+  const Run extract = glyphwave({"character", "extract", "--like", serif, folder / "e.ttf", "--glyph", "n", "--from",
+                                 "879,300", "--to", "713,300", "-o", edit});
+  REQUIRE(extract.status == 0);
+  CHECK(extract.out.find("moves up to 30") != std::string::npos);
+  REQUIRE(glyphwave({"character", "repeat", serif, edit, "--text", "hnoq", "-o", folder / "two.ttf", "--report",
+                     folder / "report.json", "-q"})
+              .status == 0);
+  std::map<std::string, int> places;
+  const json report = json::parse(contents(folder / "report.json"));
+  for (const json& glyph : report["glyphs"]) {
+    for (const json& step : glyph["steps"]) places[glyph["name"]] += step["places"].get<int>();
+  }
+  CHECK(places == std::map<std::string, int>{{"h", 2}, {"n", 2}, {"o", 0}, {"q", 1}});
+  REQUIRE(glyphwave({"character", "repeat", serif, edit, "--glyphs", "n", "--no-mirror", "--within", "2", "-o",
+                     folder / "one.ttf", "-q"})
+              .status == 0);
+  CHECK(contents(folder / "one.ttf") == contents(folder / "e.ttf"));
+
+  check_refusal(glyphwave({"character", "repeat", serif, edit, "--within", "0", "-o", folder / "x.ttf"}), {"--within"});
+  check_refusal(glyphwave({"character", "repeat", serif, edit, "--sizes", "2", "1", "-o", folder / "x.ttf"}),
+                {"--sizes"});
+  check_refusal(glyphwave({"character", "repeat", serif, folder / "r.json", "-o", folder / "x.ttf"}),
+                {"r.json", "version"});
+  check_refusal(glyphwave({"character", "apply", serif, edit, "-o", folder / "x.ttf"}), {"edit.json", "kind"});
+  check_refusal(glyphwave({"character", "extract", "--like", serif, serif, "--from", "1,2", "--to", "3,4", "-o",
+                           folder / "x.json"}),
+                {"one glyph"});
+}
+
 TEST_CASE("a font that is none is refused in one line that names it, for every command", "[cli]") {
   const Folder folder;
   const std::string font = contents(serif);
