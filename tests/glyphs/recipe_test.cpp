@@ -122,7 +122,16 @@ TEST_CASE("unknown and repeated keys, wrong types and what cannot be honoured ar
         "r.json: emit.points: is the most that a glyph may have: a whole number from 1 to 65535");
   CHECK(refusal(R"({"steps": [{"op": "swep"}]})") ==
         "r.json: steps[0].op: \"swep\" is not one of \"sweep\", \"smooth\", \"equalize\", \"soften\", "
-        "\"character\", \"weight\"");
+        "\"character\", \"repeat\", \"weight\"");
+  const auto repeat = [](const std::string& keys) { return refusal(R"({"steps": [{"op": "repeat")" + keys + "}]}"); };
+  CHECK(repeat(R"(, "library": "e.json")").empty());
+  CHECK(repeat(R"(, "library": "e.json", "within": 9, "mirror": false, "turn": true, "sizes": [0.8, 1.2])").empty());
+  CHECK(repeat("") == "r.json: steps[0].library: must name an edit");
+  CHECK(repeat(R"(, "library": "e.json", "within": 0)") ==
+        "r.json: steps[0].within: must be positive, and at most 1000");
+  CHECK(repeat(R"(, "library": "e.json", "sizes": [2, 1])") ==
+        "r.json: steps[0].sizes: must be the smallest and the largest, from 0.01 to 100");
+  CHECK(repeat(R"(, "library": "e.json", "gain": 1)") == "r.json: steps[0].gain: unknown key");
   const auto soften = [](const std::string& keys) { return refusal(R"({"steps": [{"op": "soften", )" + keys + "}]}"); };
   CHECK(soften(R"("radius": 20)").empty());
   CHECK(soften(R"("radius": 20, "glyph": "a", "contour": 0, "corners": [0, 7])").empty());
