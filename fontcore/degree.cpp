@@ -99,4 +99,94 @@ BezierContour lowered_to_quadratics(const BezierContour& contour, double distanc
   return list.contour();
 }
 
+BezierContour with_implied_nodes(const BezierContour& contour, double distance) {
+  std::vector<PointKind> kinds = contour.kinds();
+  Points points = contour.points();
+  const auto n = static_cast<int>(kinds.size());
+  for (int i = 0; i < n; ++i) {
+    const int before = (i + n - 1) % n;
+    const int after = (i + 1) % n;
+    if (!is_node(contour.kind(i)) || contour.kind(before) != PointKind::Quadratic ||
+        contour.kind(after) != PointKind::Quadratic) {
+      continue;
+    }
+    const Point middle = 0.5 * (contour.point(before) + contour.point(after));
+    if ((contour.point(i) - middle).norm() > distance) continue;
+    points.row(i) = middle.transpose();
+    kinds[static_cast<std::size_t>(i)] = PointKind::ImpliedNode;
+  }
+  // One that is all handles would have no node of its own to begin with.
+  if (n > 0 && std::ranges::find(kinds, PointKind::Node) == kinds.end()) return contour;
+  return {std::move(points), std::move(kinds)};
+}
+
+BezierContour straightened(const BezierContour& contour, const std::vector<bool>& stays) {
+  if (static_cast<Eigen::Index>(stays.size()) != contour.point_count()) {
+    throw InvalidInput(text("straightened: ", stays.size(), " marks for ", contour.point_count(), " points"));
+  }
+  constexpr double most_turned_back = 2.0;
+  const auto is_on_line = [](const Point& a, const Point& b, const Point& p) {
+    const Point d = b - a;
+    const Point e = p - a;
+    return d.x() * e.y() - d.y() * e.x() == 0.0;
+  };
+  const auto stays_at = [&](int s, int k) { return stays[static_cast<std::size_t>(contour.point_of(s, k))]; };
+  std::vector<Bezier> segments;
+  std::vector<bool> holds_start;
+  std::vector<bool> is_implied;  // its start
+  const auto is_implied_at = [&](int s) { return contour.kind(contour.node(s)) == PointKind::ImpliedNode; };
+  for (int s = 0; s < contour.segment_count();) {
+    // From a point of its own to the next: one segment, or quadratics with implied nodes between.
+    int end = s + 1;
+    while (end < contour.segment_count() && is_implied_at(end)) ++end;
+    const bool is_closed_run = end == contour.segment_count() && is_implied_at(0);
+    const Point from = contour.segment(s).start();
+    const Point to = contour.segment(end - 1).end();
+    bool is_straight = contour.degree(s) > 1 && from != to && !is_implied_at(s) && !is_closed_run;
+    for (int on = s; on < end; ++on) {
+      for (int k = on == s ? 1 : 0; k < contour.degree(on); ++k) {
+        is_straight =
+            is_straight && !stays_at(on, k) && is_on_line(from, to, contour.segment(on).p[static_cast<std::size_t>(k)]);
+      }
+    }
+    for (int on = s; on < end; ++on) {
+      Bezier b = contour.segment(on);
+      if (is_straight) b = Bezier{{from, to, Point::Zero(), Point::Zero()}, 1};
+      segments.push_back(b);
+      holds_start.push_back(stays_at(on, 0));
+      is_implied.push_back(is_implied_at(on));
+      if (is_straight) break;
+    }
+    s = end;
+  }
+  for (std::size_t k = 1; k < segments.size() && segments.size() > 3;) {
+    Bezier& before = segments[k - 1];
+    const Bezier& here = segments[k];
+    const Point along = before.end() - before.start();
+    const Point on = here.end() - here.start();
+    const bool is_one = before.degree == 1 && here.degree == 1 && !holds_start[k] &&
+                        is_on_line(before.start(), before.end(), here.end()) &&
+                        (along.dot(on) > 0.0 || std::min(along.norm(), on.norm()) <= most_turned_back) &&
+                        before.start() != here.end();
+    if (!is_one) {
+      ++k;
+      continue;
+    }
+    before.p[1] = here.end();
+    const auto gone = static_cast<std::ptrdiff_t>(k);
+    segments.erase(segments.begin() + gone);
+    holds_start.erase(holds_start.begin() + gone);
+    is_implied.erase(is_implied.begin() + gone);
+  }
+  PointList list;
+  for (std::size_t k = 0; k < segments.size(); ++k) {
+    const Bezier& b = segments[k];
+    list.add(b.start(), is_implied[k] ? PointKind::ImpliedNode : PointKind::Node);
+    for (int i = 1; i < b.degree; ++i) {
+      list.add(b.p[static_cast<std::size_t>(i)], b.degree == 2 ? PointKind::Quadratic : PointKind::Cubic);
+    }
+  }
+  return list.contour();
+}
+
 }  // namespace fontcore

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <vector>
+
 #include "fontcore/contour.h"
 
 namespace fontcore {
@@ -16,5 +18,17 @@ BezierContour raised_to_cubics(const BezierContour& contour);
 ///         at most sqrt(3)/36 |p3 - 3 p2 + 3 p1 - p0| apart, which falls with the cube of the number of pieces.
 /// Throws  InvalidInput if the distance is not positive.
 BezierContour lowered_to_quadratics(const BezierContour& contour, double distance, bool is_whole);
+
+/// The outline without points that it does not need: a node within a distance of the middle between two quadratic
+/// handles is implied by them, and goes there.
+BezierContour with_implied_nodes(const BezierContour& contour, double distance);
+
+/// The outline with a line for every curve whose control points lie exactly on one, as rounding to whole numbers makes
+/// them, whose handles may turn back on it; and one line for two that follow each other so, though the second turned
+/// back by up to two units. Points that are to stay do.
+///
+/// Shape   stays one mark a point.
+/// Throws  InvalidInput if it has another number.
+BezierContour straightened(const BezierContour& contour, const std::vector<bool>& stays);
 
 }  // namespace fontcore

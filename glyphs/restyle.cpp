@@ -668,9 +668,14 @@ class GlyphEditor {
         index.push_back(k);
       }
       open.clear();
-      const auto roundings = round_together(fitted);
+      auto roundings = round_together(fitted);
       for (std::size_t i = 0; i < index.size(); ++i) {
         const std::size_t k = index[i];
+        if (references_[k].is_textured) {
+          std::vector<bool> stays;
+          for (const bool is_new : fitted[i].goal.is_new) stays.push_back(!is_new);
+          roundings[i].contour = straightened(roundings[i].contour, stays);
+        }
         const double accuracy = 0.005 * tolerance;
         if (farthest(attempt.unrounded[k], roundings[i].contour, accuracy).distance > tolerance) {
           open.push_back(k);
@@ -808,6 +813,7 @@ class GlyphEditor {
   static std::optional<BezierContour> fitted_by_quadratics(const BezierContour& solved,
                                                            fontcore::CompactOptions options) {
     constexpr double share_of_cubics = 0.6;
+    constexpr double share_of_nodes = 0.1;
     const double tolerance = options.tolerance;
     options.curve = fontcore::CurveKind::Cubic;
     options.tolerance = share_of_cubics * tolerance;
@@ -830,24 +836,10 @@ class GlyphEditor {
     }
     fontcore::Points list(static_cast<Eigen::Index>(points.size()), 2);
     for (std::size_t i = 0; i < points.size(); ++i) list.row(static_cast<Eigen::Index>(i)) = points[i].transpose();
-    return with_implied_nodes(fontcore::lowered_to_quadratics({std::move(list), std::move(kinds)},
-                                                              (1.0 - share_of_cubics) * tolerance, false));
-  }
-
-  // Nodes midway between two quadratic handles need no point of their own.
-  static BezierContour with_implied_nodes(const BezierContour& contour) {
-    std::vector<fontcore::PointKind> kinds = contour.kinds();
-    const auto n = static_cast<int>(kinds.size());
-    for (int i = 0; i < n; ++i) {
-      const int before = (i + n - 1) % n;
-      const int after = (i + 1) % n;
-      if (contour.kind(before) != fontcore::PointKind::Quadratic ||
-          contour.kind(after) != fontcore::PointKind::Quadratic)
-        continue;
-      if (contour.point(i) == 0.5 * (contour.point(before) + contour.point(after)))
-        kinds[static_cast<std::size_t>(i)] = fontcore::PointKind::ImpliedNode;
-    }
-    return {contour.points(), std::move(kinds)};
+    return with_implied_nodes(
+        fontcore::lowered_to_quadratics({std::move(list), std::move(kinds)},
+                                        (1.0 - share_of_cubics - share_of_nodes) * tolerance, false),
+        share_of_nodes * tolerance);
   }
 
   std::vector<fontcore::Rounding> round_together(const std::vector<fontcore::Unrounded>& moved) const {
