@@ -936,7 +936,7 @@ std::optional<Search::Path> Search::path_between(int from, int to, int pieces) c
   std::vector<std::vector<Sum>> best(at(pieces + 1), std::vector<Sum>(at(width)));
   best[0][0] = {0.0, 0.0, 0};
   for (int k = 1; k <= pieces; ++k) {
-    for (int i = k - 1; i < width; ++i) {
+    for (int i = k - 1; i + 1 < width; ++i) {
       const Sum& before = best[at(k - 1)][at(i)];
       if (before.largest == never) continue;
       const auto& spans = errors_[at(from + i)];
