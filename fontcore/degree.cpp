@@ -103,8 +103,8 @@ BezierContour with_implied_nodes(const BezierContour& contour, double distance) 
   std::vector<PointKind> kinds = contour.kinds();
   Points points = contour.points();
   const auto n = static_cast<int>(kinds.size());
-  for (int i = 0; i < n; ++i) {
-    const int before = (i + n - 1) % n;
+  for (int i = 1; i < n; ++i) {  // the first stays the first
+    const int before = i - 1;
     const int after = (i + 1) % n;
     if (!is_node(contour.kind(i)) || contour.kind(before) != PointKind::Quadratic ||
         contour.kind(after) != PointKind::Quadratic) {
@@ -115,8 +115,6 @@ BezierContour with_implied_nodes(const BezierContour& contour, double distance) 
     points.row(i) = middle.transpose();
     kinds[static_cast<std::size_t>(i)] = PointKind::ImpliedNode;
   }
-  // One that is all handles would have no node of its own to begin with.
-  if (n > 0 && std::ranges::find(kinds, PointKind::Node) == kinds.end()) return contour;
   return {std::move(points), std::move(kinds)};
 }
 

@@ -20,7 +20,7 @@ BezierContour raised_to_cubics(const BezierContour& contour);
 BezierContour lowered_to_quadratics(const BezierContour& contour, double distance, bool is_whole);
 
 /// The outline without points that it does not need: a node within a distance of the middle between two quadratic
-/// handles is implied by them, and goes there.
+/// handles is implied by them, and goes there. The first point stays.
 BezierContour with_implied_nodes(const BezierContour& contour, double distance);
 
 /// The outline with a line for every curve whose control points lie exactly on one, as rounding to whole numbers makes

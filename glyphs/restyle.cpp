@@ -723,6 +723,25 @@ class GlyphEditor {
     return stays;
   }
 
+  // Those marked; and of a textured contour the font's own that a fit would take for smooth, beside a line.
+  std::vector<int> corners_of(const BezierContour& solved, std::size_t index) const {
+    std::vector<int> corners = marked_corners(index);
+    const Reference& reference = references_[index];
+    if (!reference.is_textured) return corners;
+    constexpr double least_turn = 0.01;  // radians
+    const std::vector<double> turns = turning_angles(solved);
+    for (int s = 0; s < solved.segment_count(); ++s) {
+      const int node = solved.node(s);
+      const int from = reference.came_from[static_cast<std::size_t>(node)];
+      const bool is_own = from >= 0 && solved.kind(node) == fontcore::PointKind::Node &&
+                          solved.point(node) == original_[index].point(from);
+      if (is_own && std::abs(turns[static_cast<std::size_t>(s)]) > least_turn) corners.push_back(node);
+    }
+    std::ranges::sort(corners);
+    corners.erase(std::ranges::unique(corners).begin(), corners.end());
+    return corners;
+  }
+
   // Points of an emitted outline that are where points stand that stay: of segments that nothing touched, and nodes of
   // the font's between textured stretches.
   std::vector<int> staying_in(const BezierContour& emitted, const BezierContour& solved, const std::vector<bool>& stays,
@@ -775,7 +794,7 @@ class GlyphEditor {
     options.extrema = recipe_.keep.extrema ? fontcore::Extrema::Keep : fontcore::Extrema::Free;
     options.curve = has_quadratics() ? fontcore::CurveKind::Quadratic : fontcore::CurveKind::Cubic;
     options.coordinates = fontcore::Coordinates::Any;
-    options.corners = marked_corners(index);
+    options.corners = corners_of(solved, index);
     const std::vector<bool> stays = staying_points(solved, index);
     options.kept_segments = segments_of(solved, stays);
     std::optional<BezierContour> emitted;
