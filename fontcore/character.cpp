@@ -27,6 +27,8 @@ constexpr Index longest_piece = 16;  // in points
 // Of the largest displacement, or of the scale, what the area's correction may add inside the detail's own space.
 constexpr double room_for_area = 0.25;
 constexpr double least_room_for_area = 0.002;
+// Where there is detail to lay the base moves by no more than this share of the scale, or the outline stays.
+constexpr double most_base_move = 4e-4;
 
 // One arc with what is laid on it.
 struct Dressed {
@@ -80,18 +82,16 @@ class Dresser {
   Character run() {
     Character result;
     for (int k = 0; k < static_cast<int>(outline_.arcs().size()); ++k) {
-      if (outline_.arcs()[static_cast<std::size_t>(k)].length < scale_) {
-        ++result.too_short;
-        dressed_.push_back({.arc = k});
-      } else {
-        dressed_.push_back(dress(k));
-      }
-      if (!dressed_.back().is_bare()) ++result.arcs;
+      const bool is_long = outline_.arcs()[static_cast<std::size_t>(k)].length >= scale_;
+      dressed_.push_back(is_long ? dress(k) : Dressed{.arc = k});
     }
+    const auto is_bare = [](const Dressed& arc) { return arc.is_bare(); };
     parts_ = all_parts();
-    if (result.arcs > 0 && options_.area) result.area_failed = give_area_back();
+    if (options_.area && !std::ranges::all_of(dressed_, is_bare)) result.area_failed = give_area_back();
     for (const Dressed& arc : dressed_) {
+      if (arc.displacement.size() == 0) ++result.too_short;
       if (arc.is_bare()) continue;
+      ++result.arcs;
       result.base_move = std::max(result.base_move, arc.base->base_move(arc.displacement));
       result.largest = std::max(result.largest, arc.displacement.rowwise().norm().maxCoeff());
     }
@@ -479,9 +479,17 @@ class Dresser {
       inside[k] = arc.base->detail_part(gradient, arc.mask);
     }
     if (correct(inside, std::max(room_for_area * largest, least_room_for_area * scale_))) return {};
-    if (correct(normal, 0.25 * scale_)) return {};
+    if (correct(normal, (takes_only() ? 0.25 : most_base_move) * scale_)) return {};
+    if (!takes_only()) {
+      // Too little of the outline can move: it stays.
+      for (Dressed& arc : dressed_) arc.displacement.setZero();
+      return {};
+    }
     return text("the area would need ", *options_.area - area, " square units more than what may move can give");
   }
+
+  // Whether detail goes and none comes: then the base alone can give the area back.
+  bool takes_only() const { return options_.gain == 0.0; }
 
   const OutlineArcs& outline_;
   const BezierContour& contour_;

@@ -1,1084 +1,22 @@
 #include "glyphs/restyle.h"
 
+#include <Eigen/LU>
 #include <algorithm>
-#include <cmath>
+#include <iterator>
+#include <map>
 #include <nlohmann/json.hpp>
-#include <numbers>
-#include <numeric>
 #include <optional>
-#include <set>
 
 #include "fontcore/alignment.h"
-#include "fontcore/character.h"
-#include "fontcore/compact.h"
 #include "fontcore/crossing.h"
-#include "fontcore/degree.h"
-#include "fontcore/edit.h"
-#include "fontcore/fit.h"
-#include "fontcore/ink.h"
-#include "fontcore/measure.h"
-#include "fontcore/rounding.h"
-#include "fontcore/soften.h"
-#include "glyphs/detail_library.h"
 #include "glyphs/error.h"
 
 namespace glyphs {
 
-namespace {
-
-using fontcore::Bezier;
 using fontcore::BezierContour;
 using fontcore::Point;
 using fontcore::text;
 using Contours = std::vector<BezierContour>;
-
-constexpr double least_handle = 2.0;           // units: shorter ones have no direction in whole numbers
-constexpr double bisection_width = 0.01;       // of the amount
-constexpr double first_left_out = 1.0 / 16.0;  // of a library's scale: features below go first if points must be saved
-constexpr double least_texture_tolerance = 1.25;  // units: whole numbers alone move points by up to 0.7
-constexpr double most_texture_tolerance = 4.0;    // units, and eight times what is asked
-constexpr double worth_a_note = 5e-4;             // area error after rounding, relative
-
-// A step of the recipe as it applies to one glyph, in font units.
-struct PlacedStep {
-  Step step;
-  int contour = 0;
-};
-
-// Points that a file holds; implied nodes follow from their handles.
-std::int64_t stored_points(const Contours& contours) {
-  std::int64_t points = 0;
-  for (const BezierContour& contour : contours) {
-    points += static_cast<std::int64_t>(contour.kinds().size()) -
-              std::ranges::count(contour.kinds(), fontcore::PointKind::ImpliedNode);
-  }
-  return points;
-}
-
-// Why a glyph stays as it was.
-struct Refusal {
-  std::string reason;
-};
-
-// What the steps on a contour, and its rounding, keep to: the font's own outline, or what softening made of it.
-struct Reference {
-  BezierContour contour;
-  std::vector<int> came_from;  // per point its index in the font's contour; -1 if it is new
-  fontcore::Rows frozen;
-  bool is_textured = false;  // by a character step: short cubics, which only compact emission makes an outline of
-};
-
-// The whole flow at one amount.
-struct Attempt {
-  Contours unrounded;
-  Contours rounded;
-  std::vector<StepReport> steps;
-  double area = 0.0;                        // that the glyph is to have
-  std::vector<std::vector<int>> came_from;  // per contour and point; none if the structure is the font's
-  std::vector<std::string> notes;
-};
-
-bool has_same_structure(const Contours& a, const Contours& b) {
-  return std::ranges::equal(a, b, [](const auto& x, const auto& y) { return fontcore::has_same_structure(x, y); });
-}
-
-// A seed of its own for every place (FNV-1a).
-std::uint64_t seed_of(std::uint64_t seed, const std::string& place) {
-  std::uint64_t hash = 0xCBF29CE484222325U ^ seed;
-  for (const char c : place) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001B3U;
-  return hash;
-}
-
-class GlyphEditor {
- public:
-  GlyphEditor(const Font& font, const Glyph& glyph, const Recipe& recipe, const std::vector<double>& zones)
-      : font_(font),
-        name_(glyph.name),
-        original_(glyph.contours),
-        marks_(glyph.marks),
-        drawn_at_(glyph.origin, 0.0),
-        recipe_(recipe),
-        curves_(original_.size()) {
-    const double unit = recipe.lengths_in_thousandths ? font.units_per_em / 1000.0 : 1.0;
-    // Names are unique; only what is no name needs the font.
-    const auto is_about_this = [&](const std::string& about) {
-      return about.empty() || about == glyph.name ||
-             (about.find_first_of("+:@,") != std::string::npos &&
-              select_glyphs(font, about) == std::vector<int>{glyph.id});
-    };
-    for (const Step& step : recipe.steps) {
-      const std::string& about = std::visit([](const auto& any) -> const std::string& { return any.glyph; }, step);
-      if (is_about_this(about)) std::visit([&](const auto& any) { place(any, unit); }, step);
-    }
-    frozen_.resize(original_.size());
-    for (std::size_t k = 0; k < marks_.size() && has_work(); ++k) {
-      for (const int point : marks_[k].frozen) add_frozen(k, rows(original_[k], fontcore::FrozenPoint{point}));
-    }
-    for (const Freeze& freeze : recipe.keep.freeze) {
-      if (is_about_this(freeze.glyph) && has_work()) place(freeze, unit);
-    }
-    rules_.lines = recipe.keep.lines;
-    rules_.smooth_joins = recipe.keep.smooth_joins;
-    rules_.extrema = recipe.keep.extrema;
-    rules_.frame.italic_angle = recipe.keep.italic_angle * std::numbers::pi / 180.0;
-    for (const double height : recipe.keep.zones) rules_.zones.push_back(height * unit);
-    if (recipe.keep.zones_auto) {
-      double low = std::numeric_limits<double>::infinity();
-      double high = -low;
-      for (const BezierContour& contour : original_) {
-        for (int s = 0; s < contour.segment_count(); ++s) {
-          low = std::min(low, contour.point(contour.node(s)).y());
-          high = std::max(high, contour.point(contour.node(s)).y());
-        }
-      }
-      rules_.zones = zones;
-      rules_.zones.insert(rules_.zones.end(), {low, high});
-    }
-  }
-
-  bool has_work() const { return !steps_.empty(); }
-  /// Leaves features of libraries out that are shorter than a share of their scale.
-  void leave_out_below(double finest) { finest_ = finest; }
-  bool has_detail() const {
-    return std::ranges::any_of(
-        steps_, [](const PlacedStep& placed) { return std::holds_alternative<CharacterStep>(placed.step); });
-  }
-  /// Leaves detail of libraries out near a place.
-  void keep_quiet(const Point& place) { quiet_.push_back(place); }
-  bool has_pin() const {
-    return std::any_of(steps_.begin(), steps_.end(), [](const PlacedStep& placed) {
-      const auto* const sweep = std::get_if<SweepStep>(&placed.step);
-      return sweep != nullptr && sweep->pin;
-    });
-  }
-
-  Attempt attempt(double amount, fontcore::HandleMove handle_move = fontcore::HandleMove::Forced) {
-    handle_move_ = handle_move;
-    Attempt result;
-    result.unrounded = original_;
-    references_.clear();
-    for (std::size_t k = 0; k < original_.size(); ++k) {
-      references_.push_back({original_[k], std::vector<int>(original_[k].kinds().size()), frozen_[k]});
-      std::iota(references_[k].came_from.begin(), references_[k].came_from.end(), 0);
-    }
-    std::vector<std::vector<fontcore::OutlineCurve::Location>> handles(original_.size());
-    for (const PlacedStep& placed : steps_) {
-      const auto k = static_cast<std::size_t>(placed.contour);
-      result.steps.push_back(apply(placed, amount, result.unrounded, handles[k]));
-    }
-    result.rounded = rounded(result, handles);
-    emit_compactly(result);
-    for (const Reference& reference : references_) result.area += signed_area(reference.contour);
-    if (!has_same_structure(result.rounded, original_)) {
-      for (std::size_t k = 0; k < references_.size(); ++k) {
-        const bool is_own = fontcore::has_same_structure(result.rounded[k], references_[k].contour);
-        const auto points = static_cast<std::size_t>(result.rounded[k].point_count());
-        result.came_from.push_back(is_own ? references_[k].came_from : std::vector<int>(points, -1));
-      }
-    }
-    return result;
-  }
-
- private:
-  void place(SweepStep step, double unit) {
-    const bool moves =
-        step.move != Point::Zero() ||
-        std::any_of(step.more.begin(), step.more.end(), [](const SweepHandle& h) { return h.move != Point::Zero(); });
-    if (!moves) return;
-    step.near = step.near * unit + drawn_at_;
-    step.move *= unit;
-    for (SweepHandle& handle : step.more) {
-      handle.near = handle.near * unit + drawn_at_;
-      handle.move *= unit;
-    }
-    step.breadth *= unit;
-    steps_.push_back({step, step.contour ? checked(*step.contour) : nearest_contour(step.near)});
-  }
-  void place(SmoothStep step, double unit) {
-    step.scale *= unit;
-    if (!(step.scale > 0.0)) return;
-    const std::size_t first = steps_.size();
-    place_on_contours(step, step.contour);
-    for (std::size_t i = first; i < steps_.size() && !marks_.empty(); ++i) {
-      const auto& marked = marks_[static_cast<std::size_t>(steps_[i].contour)].scale;
-      if (marked) std::get<SmoothStep>(steps_[i].step).scale = *marked;
-    }
-    std::erase_if(steps_, [](const PlacedStep& placed) {
-      const auto* const smooth = std::get_if<SmoothStep>(&placed.step);
-      return smooth != nullptr && !(smooth->scale > 0.0);
-    });
-  }
-  void place(EqualizeStep step, double unit) {
-    for (fontcore::Band& band : step.bands) band.scale *= unit;
-    const bool changes =
-        std::any_of(step.bands.begin(), step.bands.end(), [](const auto& band) { return band.gain != 1.0; });
-    if (changes) place_on_contours(step, step.contour);
-  }
-  void place(SoftenStep step, double unit) {
-    step.radius *= unit;
-    if (step.radius > 0.0) place_on_contours(step, step.contour);
-  }
-  void place(const CharacterStep& step, double) {
-    if (!step.library) throw RequestError(step.library_path + ": the library of a character step is not loaded");
-    if (step.gain != 0.0 || !step.adds) place_on_contours(step, step.contour);
-  }
-  void place(const RepeatStep& step, double) {
-    if (!step.edit) throw RequestError(step.library_path + ": the edit of a repeat step is not loaded");
-    place_on_contours(step, step.contour);
-  }
-  void place_on_contours(const Step& step, std::optional<int> contour) {
-    if (contour) {
-      steps_.push_back({step, checked(*contour)});
-      return;
-    }
-    for (std::size_t k = 0; k < original_.size(); ++k) {  // what has no inside is carried through
-      if (has_inside(original_[k])) steps_.push_back({step, static_cast<int>(k)});
-    }
-  }
-  void place(const Freeze& freeze, double unit) {
-    const auto on_glyph = [&](const Point& p) -> Point { return p * unit + drawn_at_; };
-    const auto add = [&](int contour, const fontcore::FrozenStretch& stretch) {
-      add_frozen(static_cast<std::size_t>(contour), fontcore::rows(stretch));
-    };
-    if (freeze.box) {
-      fontcore::Box box;
-      box.add(on_glyph(freeze.box->low));
-      box.add(on_glyph(freeze.box->high));
-      for (int c = 0; c < static_cast<int>(original_.size()); ++c) {
-        if (freeze.contour.value_or(c) == c) add(c, frozen_within(original_[static_cast<std::size_t>(c)], box));
-      }
-      return;
-    }
-    const Point from = on_glyph(freeze.stretch->first);
-    const int contour = freeze.contour ? checked(*freeze.contour) : nearest_contour(from);
-    const BezierContour& outline = original_[static_cast<std::size_t>(contour)];
-    const auto start = fontcore::nearest_point(outline, from);
-    const auto end = fontcore::nearest_point(outline, on_glyph(freeze.stretch->second));
-    add(contour, frozen_between(outline, {start.segment, start.u}, {end.segment, end.u}));
-  }
-  void add_frozen(std::size_t contour, fontcore::Rows rows) {
-    std::move(rows.begin(), rows.end(), std::back_inserter(frozen_[contour]));
-  }
-  int checked(int contour) const {
-    const int count = static_cast<int>(original_.size());
-    if (contour >= count) throw Refusal{text("there is no contour ", contour, ": it has ", count)};
-    return contour;
-  }
-  int nearest_contour(const Point& place) const {
-    int best = 0;
-    constexpr double without_inside = std::numeric_limits<double>::max();
-    double nearest = std::numeric_limits<double>::infinity();
-    for (int c = 0; c < static_cast<int>(original_.size()); ++c) {
-      // A point or a line without inside is there for other tools, unless there is nothing else.
-      const BezierContour& contour = original_[static_cast<std::size_t>(c)];
-      const double distance = has_inside(contour) ? fontcore::nearest_point(contour, place).distance : without_inside;
-      if (distance < nearest) {
-        nearest = distance;
-        best = c;
-      }
-    }
-    return best;
-  }
-
-  fontcore::Corners corners() const {
-    return recipe_.keep.corners ? fontcore::Corners::Keep : fontcore::Corners::Round;
-  }
-
-  // The points of a contour as it stands that the source marks as corners.
-  std::vector<int> marked_corners(std::size_t index) const {
-    std::vector<int> corners;
-    if (marks_.empty() || marks_[index].corners.empty()) return corners;
-    const std::vector<int>& came_from = references_[index].came_from;
-    for (std::size_t i = 0; i < came_from.size(); ++i) {
-      if (std::ranges::binary_search(marks_[index].corners, came_from[i])) corners.push_back(static_cast<int>(i));
-    }
-    return corners;
-  }
-  fontcore::OutlineRules rules_of(std::size_t index) const {
-    fontcore::OutlineRules rules = rules_;
-    rules.corners = marked_corners(index);
-    return rules;
-  }
-
-  // The model of a contour; of one that no step has touched yet it is made once for all amounts.
-  fontcore::OutlineCurve curve_of(int index, const BezierContour& contour) {
-    auto& known = curves_[static_cast<std::size_t>(index)];
-    if (known && contour == known->contour()) return *known;
-    fontcore::OutlineCurve curve(contour, {.tolerance = model_tolerance * font_.units_per_em,
-                                           .corners = marked_corners(static_cast<std::size_t>(index))});
-    if (!known) known = curve;
-    return curve;
-  }
-
-  // The wish of a sweep, and what the report says of it.
-  void wish(const SweepStep& step, double amount, const fontcore::OutlineCurve& curve, fontcore::StructureEdit& edit,
-            StepReport& report) const {
-    const BezierContour& contour = curve.contour();
-    std::vector<SweepHandle> handles = {{step.near, step.move}};
-    handles.insert(handles.end(), step.more.begin(), step.more.end());
-    std::vector<fontcore::Pull> pulls;
-    for (const auto& [near, move] : handles) {
-      const auto [segment, u, distance] = fontcore::nearest_point(contour, near);
-      pulls.push_back({curve.parameter(segment, u), amount * move});
-      edit.handles.push_back({{segment, u}, amount * move});
-      report.handles.push_back({evaluate(contour.segment(segment), u) - drawn_at_, move, Point::Zero()});
-    }
-    const fontcore::SweepOptions options{.detail = step.detail, .grip = step.grip};
-    const double breadth = step.level ? breadth_of_level(curve, pulls[0].t, *step.level) : step.breadth;
-    const fontcore::Sweep sweep = step.level ? sweep_at_level(curve, pulls[0].t, pulls[0].move, *step.level, options)
-                                  : pulls.size() == 1
-                                      ? fontcore::sweep(curve, pulls[0].t, pulls[0].move, breadth, options)
-                                      : fontcore::sweep(curve, pulls, breadth);
-    edit.field = recipe_.keep.corners ? respect_corners(curve, sweep.field) : sweep.field;
-    edit.handle_move = step.grip == fontcore::Grip::ControlPoint ? fontcore::HandleMove::Wished
-                       : step.pin                                ? fontcore::HandleMove::Pinned
-                                                                 : handle_move_;
-    edit.breadth = breadth;
-    report.op = "sweep";
-    report.level = sweep.level;
-  }
-  // What works arc by arc needs no model.
-  fontcore::ArcSmoothing smoothing(const Step& step, const fontcore::OutlineArcs& outline,
-                                   fontcore::StructureEdit& edit, StepReport& report) const {
-    const fontcore::ArcwiseOptions options{.tolerance = model_tolerance * font_.units_per_em, .corners = corners()};
-    if (const auto* const equalize = std::get_if<EqualizeStep>(&step)) {
-      edit.breadth = equalize->bands.back().scale;
-      report.op = "equalize";
-      return equalize_arcs(outline, equalize->bands, fontcore::SmoothBy::Energy, options);
-    }
-    const auto& smooth = std::get<SmoothStep>(step);
-    edit.breadth = smooth.scale;
-    report.op = "smooth";
-    return smooth_arcs(outline, smooth.scale, smooth.by, options);
-  }
-
-  static void hold_corners(const fontcore::OutlineArcs& outline, fontcore::StructureEdit& edit) {
-    for (int s = 0; s < outline.contour().segment_count(); ++s) {
-      if (!outline.is_corner(s)) continue;
-      const fontcore::Rows rows = fontcore::rows(outline.contour(), fontcore::FrozenPoint{outline.contour().node(s)});
-      edit.rows.insert(edit.rows.end(), rows.begin(), rows.end());
-    }
-  }
-
-  // The segment that starts at a point of the font's contour, given by its number there.
-  int segment_at(int number, int index) const {
-    const BezierContour& own = original_[static_cast<std::size_t>(index)];
-    int point = -1;
-    int stored = 0;
-    for (int i = 0; i < own.point_count(); ++i) {
-      if (own.kind(i) == fontcore::PointKind::ImpliedNode) continue;
-      if (stored++ == number) point = i;
-    }
-    if (point < 0) throw Refusal{text("contour ", index, ": there is no point ", number, ": it has ", stored)};
-    if (!is_node(own.kind(point))) throw Refusal{text("contour ", index, ": point ", number, " is no node")};
-    const Reference& reference = references_[static_cast<std::size_t>(index)];
-    for (int s = 0; s < reference.contour.segment_count(); ++s) {
-      if (reference.came_from[static_cast<std::size_t>(reference.contour.node(s))] == point) return s;
-    }
-    throw Refusal{text("contour ", index, ": point ", number, " is an arc already")};
-  }
-
-  // True if arcs are to be quadratics: in TrueType, and in a UFO where the glyph has curves and they are.
-  bool has_quadratics() const {
-    if (font_.format != OutlineFormat::Ufo) return font_.format == OutlineFormat::TrueType;
-    return std::ranges::any_of(original_, [](const BezierContour& contour) {
-      return std::ranges::count(contour.kinds(), fontcore::PointKind::Quadratic) > 0;
-    });
-  }
-
-  // Arcs for corners: the contour so far, as it stands, is what later steps and rounding keep to.
-  StepReport soften(const SoftenStep& step, int index, double amount, BezierContour& contour) {
-    Reference& reference = references_[static_cast<std::size_t>(index)];
-    StepReport report;
-    report.op = "soften";
-    report.contour = index;
-    fontcore::SoftenOptions options{.radius = amount * step.radius, .least_handle = least_handle};
-    options.arcs = has_quadratics() ? fontcore::ArcKind::Quadratic : fontcore::ArcKind::Cubic;
-    std::vector<int>& corners = options.corners.emplace();
-    if (step.corners) {
-      options.empty = fontcore::EmptyArc::Add;
-      for (const int number : *step.corners) corners.push_back(segment_at(number, index));
-    } else {
-      const std::vector<double> turns = turning_angles(contour);
-      for (int s = 0; s < contour.segment_count(); ++s) {
-        if (std::abs(turns[static_cast<std::size_t>(s)]) > options.corner_angle) corners.push_back(s);
-      }
-    }
-    const auto is_frozen = [&](int segment) {
-      const int point = contour.node(segment);
-      return std::any_of(reference.frozen.begin(), reference.frozen.end(),
-                         [&](const fontcore::Row& row) { return row.terms.front().variable / 2 == point; });
-    };
-    if (const auto left = std::erase_if(corners, is_frozen); left > 0) {
-      report.against.push_back(text("frozen: ", left, " of its corners"));
-    }
-    const fontcore::Softened softened = fontcore::soften(contour, options);
-    report.corners = static_cast<int>(softened.corners.size());
-    if (softened.corners.empty()) return report;
-    report.least_radius = options.radius;
-    for (const auto& corner : softened.corners) report.least_radius = std::min(report.least_radius, corner.radius);
-
-    take_over(softened.contour, softened.came_from, index, contour);
-    return report;
-  }
-
-  // A contour with other points: what later steps keep to. No frozen point is gone.
-  void take_over(const BezierContour& made, std::vector<int> came_from, int index, BezierContour& contour) {
-    Reference& reference = references_[static_cast<std::size_t>(index)];
-    Reference now{made, std::move(came_from), {}, reference.is_textured};
-    std::vector<int> index_now(reference.came_from.size(), -1);
-    for (std::size_t i = 0; i < now.came_from.size(); ++i) {
-      int& from = now.came_from[i];
-      if (from < 0) continue;
-      index_now[static_cast<std::size_t>(from)] = static_cast<int>(i);
-      from = reference.came_from[static_cast<std::size_t>(from)];
-    }
-    for (fontcore::Row row : reference.frozen) {
-      for (auto& term : row.terms) {
-        term.variable = 2 * index_now[static_cast<std::size_t>(term.variable / 2)] + term.variable % 2;
-      }
-      now.frozen.push_back(std::move(row));
-    }
-    reference = std::move(now);
-    contour = made;
-  }
-
-  // Detail laid on a contour as it stands.
-  StepReport character(const CharacterStep& step, int index, double amount, BezierContour& contour) {
-    Reference& reference = references_[static_cast<std::size_t>(index)];
-    StepReport report;
-    report.op = "character";
-    report.contour = index;
-    const fontcore::DetailLibrary& library = *step.library;
-    fontcore::CharacterOptions options{.gain = step.gain, .adds = step.adds, .mirrors = step.mirrors};
-    options.amount = amount;
-    options.unit = font_.units_per_em / library.units_per_em;
-    options.finest = report.finest = finest_ * library.scale * options.unit;
-    options.spares_lines = step.spares_lines;
-    options.holds_joins = step.holds_joins;
-    options.ink = ink_side(original_, static_cast<std::size_t>(index));
-    options.place = place_of(name_, index);
-    options.seed = seed_of(recipe_.seed, options.place);
-    options.quiet = quiet_;
-    for (const fontcore::Row& row : reference.frozen) options.held.push_back(row.terms.front().variable / 2);
-    if (recipe_.keep.area != KeepArea::None) options.area = signed_area(reference.contour);
-    fontcore::Character made;
-    try {
-      const fontcore::OutlineCurveOptions cut{.corners = marked_corners(static_cast<std::size_t>(index))};
-      made = apply_detail(fontcore::arcs_at_scale(contour, library.scale * options.unit, cut), library, options);
-    } catch (const fontcore::InvalidInput& error) {
-      throw Refusal{text("contour ", index, ": ", error.what())};
-    }
-    if (!made.area_failed.empty()) throw Refusal{text("contour ", index, ": ", made.area_failed)};
-    report.arcs = made.arcs;
-    report.too_short = made.too_short;
-    report.base_move = made.base_move;
-    if (made.arcs == 0) return report;
-    reference.is_textured = true;
-    take_over(made.contour, std::move(made.came_from), index, contour);
-    return report;
-  }
-
-  StepReport apply(const PlacedStep& placed, double amount, Contours& contours,
-                   std::vector<fontcore::OutlineCurve::Location>& handles) {
-    BezierContour& contour = contours[static_cast<std::size_t>(placed.contour)];
-    if (const auto* const step = std::get_if<SoftenStep>(&placed.step)) {
-      handles.clear();  // their segments have other numbers now, and their places are part of the outline that is kept
-      return soften(*step, placed.contour, amount, contour);
-    }
-    if (const auto* const step = std::get_if<CharacterStep>(&placed.step)) {
-      handles.clear();
-      return character(*step, placed.contour, amount, contour);
-    }
-    StepReport report;
-    report.contour = placed.contour;
-    fontcore::StructureEdit edit;
-    edit.rules = rules_of(static_cast<std::size_t>(placed.contour));
-    const Reference& reference = references_[static_cast<std::size_t>(placed.contour)];
-    edit.rows = reference.frozen;
-    // Every step gives its own area back, so glyph and contour ask the same of it; they differ in rounding.
-    if (recipe_.keep.area != KeepArea::None) edit.area = signed_area(reference.contour);
-    if (recipe_.keep.length) edit.length = length(reference.contour);
-    fontcore::StructureFit fit;
-    try {
-      const auto* const sweep = std::get_if<SweepStep>(&placed.step);
-      const auto* const repeat = std::get_if<RepeatStep>(&placed.step);
-      fit = sweep != nullptr    ? swept(*sweep, amount, contour, edit, report)
-            : repeat != nullptr ? repeated(*repeat, amount, contour, edit, report)
-                                : smoothed(placed.step, amount, contour, edit, report);
-    } catch (const fontcore::InvalidInput& error) {
-      throw Refusal{text("contour ", placed.contour, ": ", error.what())};
-    }
-    if (!fit.report.failed.empty()) throw Refusal{text("contour ", placed.contour, ": ", fit.report.failed)};
-    for (std::size_t k = 0; k < fit.got.size(); ++k) report.handles[k].got = fit.got[k];
-    report.against.insert(report.against.end(), fit.against.begin(), fit.against.end());
-    report.off_wish = fit.off_wish;
-    if (corners() == fontcore::Corners::Round && report.op != "sweep" && report.op != "repeat" &&
-        fit.off_wish > recipe_.tolerance) {
-      report.against.push_back(
-          text("the outline's own points: it ends up to ", fit.off_wish, " units off the rounded one"));
-    }
-    contour = std::move(fit.contour);
-    // Handles that the rules did not hold back must not be lost to rounding.
-    if (!edit.handles.empty() && report.against.empty()) {
-      handles.clear();
-      for (const auto& handle : edit.handles) handles.push_back(handle.at);
-    }
-    return report;
-  }
-
-  fontcore::StructureFit swept(const SweepStep& step, double amount, const BezierContour& contour,
-                               fontcore::StructureEdit& edit, StepReport& report) {
-    const fontcore::OutlineCurve curve = curve_of(report.contour, contour);
-    report.levels = curve.levels();
-    wish(step, amount, curve, edit, report);
-    if (edit.field.isZero(0.0)) {
-      edit.handles.clear();
-      return {contour, {}, {}, {}, 0.0};
-    }
-    return fontcore::refit_structure(curve, edit);
-  }
-
-  fontcore::StructureFit repeated(const RepeatStep& step, double amount, const BezierContour& contour,
-                                  const fontcore::StructureEdit& edit, StepReport& report) const {
-    report.op = "repeat";
-    const auto index = static_cast<std::size_t>(report.contour);
-    const std::vector<fontcore::OutlineArcs> outlines{
-        fontcore::OutlineArcs(contour, {.corners = marked_corners(index)})};
-    const fontcore::PlaceOptions options{.tolerance = step.within,
-                                         .mirrors = step.mirrors,
-                                         .turns = step.turns,
-                                         .smallest = step.smallest,
-                                         .largest = step.largest,
-                                         .units_per_em = static_cast<double>(font_.units_per_em),
-                                         .ink = ink_side(original_, index)};
-    fontcore::PlacedDetail detail = *step.edit;
-    const std::vector<fontcore::MatchingPlace> places = find_places(outlines, detail, options);
-    report.places = static_cast<int>(places.size());
-    detail.displacement *= amount;
-    return add_at_places(outlines[0], detail, places, options, edit);
-  }
-
-  fontcore::StructureFit smoothed(const Step& step, double amount, const BezierContour& contour,
-                                  fontcore::StructureEdit& edit, StepReport& report) const {
-    const fontcore::OutlineArcs outline(contour, {.corners = marked_corners(static_cast<std::size_t>(report.contour))});
-    const fontcore::ArcSmoothing made = smoothing(step, outline, edit, report);
-    report.levels = made.levels;
-    report.energy_before = made.energy_before;
-    report.energy_after = made.energy_after;
-    if (made.field.is_zero()) return {contour, {}, {}, {}, 0.0};
-    const auto wish = [&](int segment, double, double s) -> Point {
-      return amount * made.field.at(outline, outline.arc_of(segment), outline.offset_of(segment) + s);
-    };
-    if (corners() == fontcore::Corners::Round) return refit_structure(outline, wish, edit);
-    // Corners are kept to the last bit, unless they alone could give the area back.
-    fontcore::StructureEdit held = edit;
-    hold_corners(outline, held);
-    fontcore::StructureFit fit = refit_structure(outline, wish, held);
-    if (fit.report.failed.empty()) return fit;
-    report.against.push_back("area: with corners held, " + fit.report.failed);
-    return refit_structure(outline, wish, edit);
-  }
-
-  Contours rounded(Attempt& attempt, const std::vector<std::vector<fontcore::OutlineCurve::Location>>& handles) const {
-    const Contours& solved = attempt.unrounded;
-    Contours result = original_;
-    const double scale = std::abs(signed_area(original_));
-    std::vector<fontcore::Unrounded> moved;
-    std::vector<std::size_t> index;
-    for (std::size_t k = 0; k < solved.size(); ++k) {
-      if (solved[k] == original_[k] || references_[k].is_textured) continue;
-      const Reference& reference = references_[k];
-      fontcore::RoundingGoal goal{signed_area(solved[k]), scale, handles[k], {}, fontcore::BeyondUnit::ForArea};
-      if (reference.contour != original_[k]) {
-        for (std::size_t i = 0; i < reference.came_from.size(); ++i) {
-          const int from = reference.came_from[i];
-          const int now = static_cast<int>(i);
-          // A node that was implied has no place of its own in the font, and may lie at halves.
-          goal.is_new.push_back(from < 0 || reference.contour.kind(now) != original_[k].kind(from) ||
-                                reference.contour.point(now) != original_[k].point(from));
-        }
-      }
-      moved.push_back({solved[k], reference.contour, rules_of(k), std::move(goal)});
-      index.push_back(k);
-    }
-    std::vector<fontcore::Rounding> roundings = round_together(moved);
-    for (std::size_t i = 0; i < moved.size(); ++i) {
-      const std::size_t k = index[i];
-      result[k] = std::move(roundings[i].contour);
-      if (roundings[i].handle_error > 1.0) {
-        const auto last = std::find_if(attempt.steps.rbegin(), attempt.steps.rend(),
-                                       [&](const StepReport& step) { return step.contour == static_cast<int>(k); });
-        last->against.push_back(
-            text("area in whole numbers: the handle ends ", roundings[i].handle_error, " units off"));
-      }
-      const fontcore::Box box = control_box(result[k]);
-      if (box.low.minCoeff() < -32768.0 || box.high.maxCoeff() > 32767.0) {
-        throw Refusal{text("contour ", k, ": a coordinate leaves the range -32768 to 32767")};
-      }
-    }
-    return result;
-  }
-
-  // What moved, in the fewest segments within the tolerance: fitted, its area given back by the least change of its own
-  // points, rounded and measured; with less tolerance where one of these takes it beyond. What comes out no shorter
-  // stays as its own points have it, and so do segments that are frozen.
-  void emit_compactly(Attempt& attempt) const {
-    const double unit = recipe_.lengths_in_thousandths ? font_.units_per_em / 1000.0 : 1.0;
-    const double tolerance = recipe_.tolerance * unit;
-    std::vector<std::size_t> open;
-    std::vector<std::size_t> textured;
-    for (std::size_t k = 0; k < original_.size(); ++k) {
-      if (attempt.unrounded[k] == original_[k]) continue;
-      if (references_[k].is_textured) {
-        textured.push_back(k);
-      } else if (recipe_.emission == Emission::Compact) {
-        open.push_back(k);
-      }
-    }
-    for (const std::size_t k : fitted_within(tolerance, {0.8, 0.56, 0.39, 0.27}, std::move(open), attempt)) {
-      attempt.notes.push_back(text("contour ", k, ": no fewer segments in whole numbers stay within ", tolerance));
-    }
-    // A texture has no points of its own to fall back to: where whole numbers are too far apart, it may be farther off.
-    for (double wide = std::max(tolerance, least_texture_tolerance); !textured.empty(); wide *= 1.5) {
-      if (wide > most_texture_tolerance * unit + 8.0 * tolerance) {
-        throw Refusal{
-            text("contour ", textured[0], ": no curves in whole numbers are within ", wide / 1.5, " of its texture")};
-      }
-      textured = fitted_within(wide, {0.6, 0.4, 0.25}, std::move(textured), attempt);
-    }
-  }
-
-  // Those of the contours that cannot be had in whole numbers within a tolerance; the others are emitted. Shares of it
-  // are what the fit may take, one after the other: the rest is for area and rounding.
-  std::vector<std::size_t> fitted_within(double tolerance, std::initializer_list<double> shares,
-                                         std::vector<std::size_t> open, Attempt& attempt) const {
-    std::vector<std::size_t> never;
-    for (const double share : shares) {
-      if (open.empty()) break;
-      std::vector<fontcore::Unrounded> fitted;
-      std::vector<std::size_t> index;
-      for (const std::size_t k : open) {
-        std::optional<fontcore::Unrounded> fit = fitted_compactly(attempt.unrounded[k], k, share * tolerance);
-        if (!fit && references_[k].is_textured) never.push_back(k);
-        const bool is_worth_it =
-            fit && (references_[k].is_textured || fit->edited.segment_count() < attempt.rounded[k].segment_count());
-        if (!is_worth_it) continue;
-        fitted.push_back(std::move(*fit));
-        index.push_back(k);
-      }
-      open.clear();
-      auto roundings = round_together(fitted);
-      for (std::size_t i = 0; i < index.size(); ++i) {
-        const std::size_t k = index[i];
-        if (references_[k].is_textured) {
-          std::vector<bool> stays;
-          for (const bool is_new : fitted[i].goal.is_new) stays.push_back(!is_new);
-          roundings[i].contour = straightened(roundings[i].contour, stays);
-        }
-        const double accuracy = 0.005 * tolerance;
-        if (farthest(attempt.unrounded[k], roundings[i].contour, accuracy).distance > tolerance) {
-          open.push_back(k);
-        } else {
-          attempt.rounded[k] = roundings[i].contour;
-        }
-      }
-    }
-    open.insert(open.end(), never.begin(), never.end());
-    return open;
-  }
-
-  // The points of a contour that are frozen, an implied node by its handles too.
-  std::vector<bool> frozen_points(std::size_t index) const {
-    const BezierContour& contour = references_[index].contour;
-    const fontcore::Rows& frozen = references_[index].frozen;
-    const auto count = static_cast<std::size_t>(contour.point_count());
-    std::vector<bool> is_frozen(count, false);
-    for (const fontcore::Row& row : frozen) is_frozen[static_cast<std::size_t>(row.terms.front().variable / 2)] = true;
-    for (std::size_t i = 0; i < count; ++i) {
-      if (contour.kind(static_cast<int>(i)) != fontcore::PointKind::ImpliedNode) continue;
-      const std::size_t before = i == 0 ? count - 1 : i - 1;
-      const std::size_t after = i + 1 == count ? 0 : i + 1;
-      if (is_frozen[i] && (is_frozen[before] || is_frozen[after])) is_frozen[before] = is_frozen[after] = true;
-      if (is_frozen[before] && is_frozen[after]) is_frozen[i] = true;
-    }
-    return is_frozen;
-  }
-
-  // Those, and of a textured contour the points of segments that nothing touched.
-  std::vector<bool> staying_points(const BezierContour& solved, std::size_t index) const {
-    std::vector<bool> stays = frozen_points(index);
-    const Reference& reference = references_[index];
-    if (!reference.is_textured) return stays;
-    const auto is_own = [&](int point) {
-      const int from = reference.came_from[static_cast<std::size_t>(point)];
-      return from >= 0 && solved.point(point) == original_[index].point(from);
-    };
-    for (int s = 0; s < solved.segment_count(); ++s) {
-      bool is_whole = true;
-      for (int k = 0; k <= solved.degree(s); ++k) is_whole = is_whole && is_own(solved.point_of(s, k));
-      for (int k = 0; is_whole && k <= solved.degree(s); ++k)
-        stays[static_cast<std::size_t>(solved.point_of(s, k))] = true;
-    }
-    return stays;
-  }
-
-  // Those marked; and of a textured contour the font's own that a fit would take for smooth, beside a line.
-  std::vector<int> corners_of(const BezierContour& solved, std::size_t index) const {
-    std::vector<int> corners = marked_corners(index);
-    const Reference& reference = references_[index];
-    if (!reference.is_textured) return corners;
-    constexpr double least_turn = 0.01;  // radians
-    const std::vector<double> turns = turning_angles(solved);
-    for (int s = 0; s < solved.segment_count(); ++s) {
-      const int node = solved.node(s);
-      const int from = reference.came_from[static_cast<std::size_t>(node)];
-      const bool is_own = from >= 0 && solved.kind(node) == fontcore::PointKind::Node &&
-                          solved.point(node) == original_[index].point(from);
-      if (is_own && std::abs(turns[static_cast<std::size_t>(s)]) > least_turn) corners.push_back(node);
-    }
-    std::ranges::sort(corners);
-    corners.erase(std::ranges::unique(corners).begin(), corners.end());
-    return corners;
-  }
-
-  // Points of an emitted outline that are where points stand that stay: of segments that nothing touched, and nodes of
-  // the font's between textured stretches.
-  std::vector<int> staying_in(const BezierContour& emitted, const BezierContour& solved, const std::vector<bool>& stays,
-                              std::size_t index) const {
-    const Reference& reference = references_[index];
-    std::set<std::pair<double, double>> places;
-    for (int i = 0; i < solved.point_count(); ++i) {
-      const auto at = static_cast<std::size_t>(i);
-      const int from = reference.is_textured && is_node(solved.kind(i)) ? reference.came_from[at] : -1;
-      const bool is_own = from >= 0 && solved.point(i) == original_[index].point(from);
-      if (stays[at] || is_own) places.emplace(solved.point(i).x(), solved.point(i).y());
-    }
-    std::vector<int> held;
-    for (int i = 0; i < emitted.point_count(); ++i) {
-      if (places.contains({emitted.point(i).x(), emitted.point(i).y()})) held.push_back(i);
-    }
-    return held;
-  }
-
-  // The segments that frozen points need: those frozen as a whole, and those with a frozen point that none of them has,
-  // or one that is implied and so lies between two.
-  static std::vector<int> segments_of(const BezierContour& contour, const std::vector<bool>& is_frozen) {
-    const auto frozen = [&](int s, int k) { return is_frozen[static_cast<std::size_t>(contour.point_of(s, k))]; };
-    const auto is_whole = [&](int s) {
-      for (int k = 0; k <= contour.degree(s); ++k) {
-        if (!frozen(s, k)) return false;
-      }
-      return true;
-    };
-    std::vector<int> segments;
-    for (int s = 0; s < contour.segment_count(); ++s) {
-      const auto needs_end = [&](int k, int beyond) {
-        const bool is_implied = contour.kind(contour.point_of(s, k)) == fontcore::PointKind::ImpliedNode;
-        return frozen(s, k) && (is_implied || !is_whole(beyond));
-      };
-      bool is_needed =
-          is_whole(s) || needs_end(0, contour.previous(s)) || needs_end(contour.degree(s), contour.next(s));
-      for (int k = 1; k < contour.degree(s); ++k) is_needed = is_needed || frozen(s, k);
-      if (is_needed) segments.push_back(s);
-    }
-    return segments;
-  }
-
-  // None if the fit or the area cannot be had.
-  std::optional<fontcore::Unrounded> fitted_compactly(const BezierContour& solved, std::size_t index,
-                                                      double tolerance) const {
-    fontcore::CompactOptions options;
-    options.tolerance = tolerance;
-    options.units_per_em = font_.units_per_em;
-    options.extrema = recipe_.keep.extrema ? fontcore::Extrema::Keep : fontcore::Extrema::Free;
-    options.curve = has_quadratics() ? fontcore::CurveKind::Quadratic : fontcore::CurveKind::Cubic;
-    options.coordinates = fontcore::Coordinates::Any;
-    options.corners = corners_of(solved, index);
-    const std::vector<bool> stays = staying_points(solved, index);
-    options.kept_segments = segments_of(solved, stays);
-    std::optional<BezierContour> emitted;
-    if (references_[index].is_textured && options.curve == fontcore::CurveKind::Quadratic) {
-      emitted = fitted_by_quadratics(solved, options);
-    } else {
-      const int other_degree = options.curve == fontcore::CurveKind::Cubic ? 2 : 3;
-      for (const int s : options.kept_segments) {
-        if (solved.degree(s) == other_degree) return std::nullopt;
-      }
-      fontcore::CompactFit fit = fit_compact(solved, options);
-      if (fit.why.empty()) emitted = std::move(fit.contour);
-    }
-    if (!emitted) return std::nullopt;
-    fontcore::Unrounded result{*emitted, *emitted, rules_, {}};
-    result.goal.area = signed_area(solved);
-    result.goal.scale = std::abs(signed_area(original_));
-    result.goal.is_new.assign(static_cast<std::size_t>(emitted->point_count()), true);
-    const std::vector<int> held = staying_in(*emitted, solved, stays, index);
-    for (const int point : held) result.goal.is_new[static_cast<std::size_t>(point)] = false;
-    if (recipe_.keep.area == KeepArea::None || *emitted == solved) return result;
-    fontcore::StructureEdit edit;
-    edit.rules = rules_;
-    edit.area = result.goal.area;
-    edit.breadth = length(*emitted);
-    edit.rows = rows(fontcore::FrozenStretch{"what is frozen", held});
-    const auto stay = [](int, double, double) { return Point(Point::Zero()); };
-    fontcore::StructureFit given_back = refit_structure(fontcore::OutlineArcs(*emitted), stay, edit);
-    if (!given_back.report.failed.empty()) return std::nullopt;
-    result.edited = std::move(given_back.contour);
-    return result;
-  }
-
-  // A texture in quadratics: fitted by cubics, and these cut. What is kept comes back as the quadratics it was.
-  static std::optional<BezierContour> fitted_by_quadratics(const BezierContour& solved,
-                                                           fontcore::CompactOptions options) {
-    constexpr double share_of_cubics = 0.6;
-    constexpr double share_of_nodes = 0.1;
-    const double tolerance = options.tolerance;
-    options.curve = fontcore::CurveKind::Cubic;
-    options.tolerance = share_of_cubics * tolerance;
-    const fontcore::CompactFit fit = fit_compact(raised_to_cubics(solved), options);
-    if (!fit.why.empty()) return std::nullopt;
-    std::vector<Point> points;
-    std::vector<fontcore::PointKind> kinds;
-    for (int s = 0; s < fit.contour.segment_count(); ++s) {
-      const auto kept = std::ranges::find(fit.kept_at, s);
-      const Bezier segment =
-          kept == fit.kept_at.end()
-              ? fit.contour.segment(s)
-              : solved.segment(options.kept_segments[static_cast<std::size_t>(kept - fit.kept_at.begin())]);
-      for (int k = 0; k < segment.degree; ++k) {
-        points.push_back(segment.p[static_cast<std::size_t>(k)]);
-        kinds.push_back(k == 0                ? fontcore::PointKind::Node
-                        : segment.degree == 2 ? fontcore::PointKind::Quadratic
-                                              : fontcore::PointKind::Cubic);
-      }
-    }
-    fontcore::Points list(static_cast<Eigen::Index>(points.size()), 2);
-    for (std::size_t i = 0; i < points.size(); ++i) list.row(static_cast<Eigen::Index>(i)) = points[i].transpose();
-    return with_implied_nodes(
-        fontcore::lowered_to_quadratics({std::move(list), std::move(kinds)},
-                                        (1.0 - share_of_cubics - share_of_nodes) * tolerance, false),
-        share_of_nodes * tolerance);
-  }
-
-  std::vector<fontcore::Rounding> round_together(const std::vector<fontcore::Unrounded>& moved) const {
-    if (recipe_.keep.area == KeepArea::Glyph) return round_keeping_area(moved);
-    std::vector<fontcore::Rounding> roundings;
-    for (const auto& [contour, reference, rules, goal] : moved) {
-      roundings.push_back(round_keeping_area(contour, reference, rules, goal));
-    }
-    return roundings;
-  }
-
-  const Font& font_;
-  const std::string& name_;
-  const Contours& original_;
-  const std::vector<ContourMarks>& marks_;  // one a contour, or none
-  const Point drawn_at_;                    // the place in stored coordinates that a recipe calls the origin
-  const Recipe& recipe_;
-  fontcore::HandleMove handle_move_ = fontcore::HandleMove::Forced;
-  double finest_ = 0.0;
-  std::vector<Point> quiet_;
-  std::vector<PlacedStep> steps_;
-  fontcore::OutlineRules rules_;
-  std::vector<fontcore::Rows> frozen_;  // per contour
-  std::vector<Reference> references_;   // per contour, of the attempt being made
-  std::vector<std::optional<fontcore::OutlineCurve>> curves_;
-};
-
-int kept_segments(const Contours& before, const Contours& after) {
-  int kept = 0;
-  for (std::size_t k = 0; k < before.size(); ++k) {
-    if (fontcore::has_same_structure(before[k], after[k])) {
-      kept += equal_segments(before[k], after[k]);
-      continue;
-    }
-    std::vector<Bezier> old;
-    for (int s = 0; s < before[k].segment_count(); ++s) old.push_back(before[k].segment(s));
-    for (int s = 0; s < after[k].segment_count(); ++s) {
-      const Bezier now = after[k].segment(s);
-      kept += std::any_of(old.begin(), old.end(),
-                          [&](const Bezier& was) { return was.degree == now.degree && was.p == now.p; })
-                  ? 1
-                  : 0;
-    }
-  }
-  return kept;
-}
-
-// Of the points; of contours with other points, the distance of the outlines.
-double largest_displacement(const Contours& before, const Contours& after, double step) {
-  double largest = 0.0;
-  for (std::size_t k = 0; k < before.size(); ++k) {
-    if (!fontcore::has_same_structure(before[k], after[k])) {
-      largest =
-          std::max(largest, fontcore::two_sided_distance(to_polyline(before[k], step), to_polyline(after[k], step)));
-      continue;
-    }
-    largest = std::max(largest, (after[k].points() - before[k].points()).rowwise().norm().maxCoeff());
-  }
-  return largest;
-}
-
-double emission_deviation(const Contours& solved, const Contours& emitted) {
-  double deviation = 0.0;
-  constexpr double accuracy = 0.005;  // font units
-  for (std::size_t k = 0; k < solved.size(); ++k) {
-    deviation = std::max(deviation, fontcore::has_same_structure(solved[k], emitted[k])
-                                        ? fontcore::two_sided_distance(solved[k], emitted[k])
-                                        : farthest(solved[k], emitted[k], accuracy).distance);
-  }
-  return deviation;
-}
-
-// How much of what was asked the handles got, summed over the steps.
-double progress(const Attempt& attempt) {
-  double sum = 0.0;
-  for (const StepReport& step : attempt.steps) {
-    for (const auto& [handle, asked, got] : step.handles) {
-      if (asked != Point::Zero()) sum += got.dot(asked) / asked.squaredNorm();
-    }
-  }
-  return sum;
-}
-
-// Counters that an edit closed, and contours that it turned round.
-void compare_ink(const Contours& before, const std::vector<fontcore::Crossing>& crossings_before, const Contours& after,
-                 const std::vector<fontcore::Crossing>& crossings_after, GlyphReport& report) {
-  try {
-    const auto closed = closed_counters(measure_ink(before, crossings_before), measure_ink(after, crossings_after));
-    report.closed_counters = static_cast<int>(closed.size());
-    for (const fontcore::Box& counter : closed) {
-      report.notes.push_back(text("a counter is closed: the one from (", counter.low.x(), ", ", counter.low.y(),
-                                  ") to (", counter.high.x(), ", ", counter.high.y(), ")"));
-    }
-    report.changed_windings = changed_windings(before, crossings_before, after, crossings_after);
-    for (const int contour : report.changed_windings) {
-      report.notes.push_back(text("contour ", contour, ": runs the other way round now, or lies in another"));
-    }
-  } catch (const fontcore::WorkLimitExceeded&) {
-    report.notes.emplace_back("counters are not compared: the contours lie on themselves too often");
-  }
-}
-
-int points_of(const Contours& contours) {
-  return std::accumulate(contours.begin(), contours.end(), 0, [](int sum, const BezierContour& contour) {
-    const auto implied = std::ranges::count(contour.kinds(), fontcore::PointKind::ImpliedNode);
-    return sum + static_cast<int>(contour.point_count() - implied);
-  });
-}
-
-// The whole edit; where detail of libraries needs more points than the glyph may have, without its finest features.
-Attempt within_budget(GlyphEditor& editor, const Recipe& recipe, GlyphReport& report) {
-  Attempt attempt = editor.attempt(1.0);
-  const int wanted = points_of(attempt.rounded);
-  int points = wanted;
-  for (double finest = first_left_out; points > recipe.most_points && editor.has_detail();
-       finest *= std::numbers::sqrt2) {
-    if (finest > 1.0) {
-      throw Refusal{text("it would have ", points, " points without any detail, more than ", recipe.most_points)};
-    }
-    editor.leave_out_below(finest);
-    attempt = editor.attempt(1.0);
-    points = points_of(attempt.rounded);
-  }
-  if (points < wanted) {
-    const auto step = std::ranges::find(attempt.steps, "character", &StepReport::op);
-    report.notes.push_back(text("features of the library below ", step->finest,
-                                " units are left out: with them it has ", wanted, " points, without ", points,
-                                "; it may have ", recipe.most_points));
-  }
-  return attempt;
-}
-
-// Where detail of libraries adds crossings, it is left out around them. Returns how many are left.
-int quieted(GlyphEditor& editor, const std::vector<fontcore::Crossing>& before, int more, Attempt& best,
-            std::vector<fontcore::Crossing>& after, GlyphReport& report) {
-  constexpr int rounds = 4;
-  int places = 0;
-  const auto is_old = [&](const fontcore::Crossing& crossing) {
-    return std::ranges::any_of(before, [&](const auto& old) { return (old.where - crossing.where).norm() < 1.0; });
-  };
-  for (int round = 0; round < rounds && more > 0; ++round) {
-    for (const fontcore::Crossing& crossing : after) {
-      if (is_old(crossing)) continue;
-      editor.keep_quiet(crossing.where);
-      ++places;
-    }
-    Attempt tried = editor.attempt(1.0);
-    auto crossings = find_crossings(tried.rounded);
-    more = added_crossings(before, crossings);
-    best = std::move(tried);
-    after = std::move(crossings);
-  }
-  if (more == 0) report.notes.push_back(text("detail is left out around ", places, " places: there it would cross"));
-  return more;
-}
-
-// The edit that comes nearest to the wish without adding a crossing: the largest safe amount, found by bisection; or,
-// where only forcing the handles would cross and it gets further, the whole amount with the handles as wishes.
-template <typename Added>
-Attempt reduced(GlyphEditor& editor, Attempt best, const Added& added, GlyphReport& report) {
-  for (StepReport& step : best.steps) {
-    for (HandleReport& handle : step.handles) handle.got = Point::Zero();
-    step.corners = 0;
-    step.least_radius = 0.0;
-  }
-  report.amount = 0.0;
-  for (double unsafe = 1.0; unsafe - report.amount > bisection_width;) {
-    const double amount = 0.5 * (report.amount + unsafe);
-    Attempt tried = editor.attempt(amount);
-    if (added(tried) > 0) {
-      unsafe = amount;
-    } else {
-      report.amount = amount;
-      best = std::move(tried);
-    }
-  }
-  Attempt wished = editor.attempt(1.0, fontcore::HandleMove::Wished);
-  if (progress(wished) > progress(best) && added(wished) == 0) {
-    report.amount = 1.0;
-    for (StepReport& step : wished.steps) step.against = {"a crossing, if the handle were forced"};
-    report.notes.emplace_back("the handle is not forced: that would add a crossing");
-    return wished;
-  }
-  for (StepReport& step : best.steps) step.against.emplace_back("a crossing: the amount is reduced");
-  report.notes.push_back(text("reduced to ", report.amount, " of the move: more would add a crossing"));
-  return best;
-}
-
-// A composite that the recipe decomposes, as the simple glyph it would be.
-std::optional<Glyph> without_components(const Font& font, const Glyph& glyph, const Recipe& recipe) {
-  if (!glyph.is_composite() || recipe.composites == Composites::Refuse) return std::nullopt;
-  Glyph result = glyph;
-  result.components.clear();
-  try {
-    result.contours = decompose(font, glyph.id);
-  } catch (const FontReadError& error) {
-    result.trouble = error.what();
-  }
-  return result;
-}
-
-std::string list_of(const Font& font, const std::vector<int>& glyphs) {
-  std::string list;
-  for (const int id : glyphs) list += (list.empty() ? "" : ", ") + font.glyphs[static_cast<std::size_t>(id)].name;
-  return list;
-}
-
-// The names of a composite's parts, each once, the first few of them.
-std::string parts_of(const Font& font, const Glyph& glyph) {
-  constexpr std::size_t shown = 8;
-  std::vector<int> parts;
-  for (const Component& part : glyph.components) {
-    if (std::find(parts.begin(), parts.end(), part.glyph) != parts.end()) continue;
-    if (parts.size() == shown) return list_of(font, parts) + " and more";
-    parts.push_back(part.glyph);
-  }
-  return list_of(font, parts);
-}
-
-}  // namespace
 
 std::vector<double> alignment_zones(const Font& font) {
   std::vector<Contours> shapes;
@@ -1091,106 +29,6 @@ std::vector<double> alignment_zones(const Font& font) {
     }
   }
   return heights(fontcore::find_zones(shapes, font.units_per_em));
-}
-
-GlyphResult restyle_glyph(const Font& font, int id, const Recipe& recipe, const std::vector<double>& zones) {
-  const std::optional<Glyph> decomposed =
-      without_components(font, font.glyphs.at(static_cast<std::size_t>(id)), recipe);
-  const Glyph& glyph = decomposed ? *decomposed : font.glyphs.at(static_cast<std::size_t>(id));
-  GlyphResult result{glyph.contours, glyph.contours, {}};
-  GlyphReport& report = result.report;
-  report.glyph = id;
-  report.name = glyph.name;
-  report.segments_before = report.segments_after = report.segments_kept = segment_count(glyph.contours);
-  report.size.points_before = report.size.points_after =
-      stored_points(font.glyphs[static_cast<std::size_t>(id)].contours);
-  report.area_before = report.area_target = report.area_unrounded = report.area_after = signed_area(glyph.contours);
-  try {
-    if (!glyph.trouble.empty()) throw Refusal{glyph.trouble};
-    // In a UFO a composite may have contours of its own, which are edited beside its components.
-    if (glyph.is_composite() && glyph.contours.empty())
-      throw Refusal{"it is a composite; edit its parts: " + parts_of(font, glyph)};
-    GlyphEditor editor(font, glyph, recipe, zones);
-    if (!editor.has_work() || glyph.contours.empty()) return result;
-
-    const auto before = find_crossings(glyph.contours);
-    report.crossings_before = report.crossings_after = static_cast<int>(before.size());
-    const auto crossings = [&](const Attempt& attempt) {
-      return attempt.rounded == glyph.contours ? before : find_crossings(attempt.rounded);
-    };
-    const auto added = [&](const Attempt& attempt) { return added_crossings(before, crossings(attempt)); };
-    Attempt best = within_budget(editor, recipe, report);
-    auto after = crossings(best);
-    int more = added_crossings(before, after);
-    if (recipe.on_crossing == OnCrossing::Reduce && more > 0 && editor.has_detail()) {
-      more = quieted(editor, before, more, best, after, report);
-    }
-    if (recipe.on_crossing != OnCrossing::Allow && more > 0) {
-      if (recipe.on_crossing == OnCrossing::Refuse) throw Refusal{text("crossings that the edit adds: ", more)};
-      if (editor.has_pin()) throw Refusal{text("crossings that the pinned move adds: ", more)};
-      best = reduced(editor, Attempt{glyph.contours, glyph.contours, best.steps, report.area_before, {}, {}}, added,
-                     report);
-      after = crossings(best);
-    }
-    const bool has_new_points = !has_same_structure(best.rounded, glyph.contours);
-    if (const int user = has_new_points ? matched_in(font, id) : -1; user >= 0) {
-      throw Refusal{text("its points would be other ones, and ", font.glyphs[static_cast<std::size_t>(user)].name,
-                         " matches its parts by point numbers")};
-    }
-    report.area_target = best.area;
-    report.crossings_after = static_cast<int>(after.size());
-    if (best.rounded != glyph.contours) compare_ink(glyph.contours, before, best.rounded, after, report);
-    result.contours = std::move(best.rounded);
-    result.unrounded = std::move(best.unrounded);
-    result.came_from = std::move(best.came_from);
-    report.steps = std::move(best.steps);
-    std::ranges::move(best.notes, std::back_inserter(report.notes));
-    report.changed = result.contours != glyph.contours;
-    if (decomposed && report.changed) {
-      report.notes.push_back("decomposed: it is a simple glyph now, of the outlines that its parts had: " +
-                             parts_of(font, font.glyphs[static_cast<std::size_t>(id)]));
-    }
-  } catch (const Refusal& refusal) {
-    report.refused = refusal.reason;
-  } catch (
-      const fontcore::Error& error) {  // what fails for one glyph leaves that glyph as it was, and the others go on
-    report.refused = error.what();
-  }
-  if (!report.refused.empty()) {
-    report.amount = 0.0;
-    return result;
-  }
-  report.area_unrounded = signed_area(result.unrounded);
-  report.area_after = signed_area(result.contours);
-  if (recipe.keep.area == KeepArea::None) report.area_target = report.area_unrounded;
-  report.largest_displacement = largest_displacement(glyph.contours, result.contours, 1e-3 * font.units_per_em);
-  report.segments_after = segment_count(result.contours);
-  if (report.changed) report.size.points_after = stored_points(result.contours);
-  report.segments_kept = kept_segments(glyph.contours, result.contours);
-  report.deviation = emission_deviation(result.unrounded, result.contours);
-  if (const double taken = std::abs(report.area_before) - std::abs(report.area_target);
-      recipe.keep.area != KeepArea::None && std::abs(taken) > 1e-9 * std::abs(report.area_before)) {
-    report.notes.push_back(text("softening ", taken > 0.0 ? "takes " : "adds ", std::abs(taken), " square units, ",
-                                100.0 * std::abs(taken / report.area_before), " % of the area"));
-  }
-  if (report.deviation > recipe.tolerance) {
-    report.notes.push_back(
-        text("rounding moved the outline by ", report.deviation, " units, over the tolerance of ", recipe.tolerance));
-  }
-  const double area_error = std::abs(report.area_after - report.area_target);
-  if (area_error > worth_a_note * std::abs(report.area_target)) {
-    report.notes.push_back(
-        text("no whole-number outline near this one is nearer to the area than ", area_error, " square units"));
-  }
-  return result;
-}
-
-OutlineSize& OutlineSize::operator+=(const OutlineSize& other) {
-  points_before += other.points_before;
-  points_after += other.points_after;
-  bytes_before += other.bytes_before;
-  bytes_after += other.bytes_after;
-  return *this;
 }
 
 int RestyleResult::changed() const {
@@ -1247,6 +85,97 @@ std::vector<int> glyphs_to_restyle(const Font& font, const Recipe& recipe, const
   return both;
 }
 
+namespace {
+
+// Where the contours of a composite come from, in the order they are composed in: a glyph, and how it is placed. None
+// for a composite whose parts are placed by points, which only composing it tells.
+struct Origin {
+  int glyph = 0;
+  fontcore::Affine placement;
+};
+bool add_origins(const Font& font, int id, const fontcore::Affine& placement, std::vector<Origin>& origins) {
+  const Glyph& glyph = font.glyphs[static_cast<std::size_t>(id)];
+  origins.insert(origins.end(), glyph.contours.size(), {id, placement});
+  return std::ranges::all_of(glyph.components, [&](const Component& part) {
+    const fontcore::Affine placed{placement.linear * part.placement.linear, placement(part.placement.shift)};
+    return part.matched_parent < 0 && add_origins(font, part.glyph, placed, origins);
+  });
+}
+
+// Detail that makes the parts of a composite cross is left out of them there; what still crosses is warned of.
+class CompositeCheck {
+ public:
+  CompositeCheck(const Font& font, const RestyleOptions& options) : font_(font), jobs_(options.jobs) {
+    jobs_.progress = {};
+  }
+
+  // The places to leave out, by glyph, of those edited; and the composites that cross more often than before.
+  struct Found {
+    std::map<int, std::vector<Point>> places;
+    std::vector<int> composites;
+  };
+  Found look(const std::vector<GlyphResult>& results) {
+    Font edited = font_;
+    std::vector<int> changed;
+    for (const GlyphResult& result : results) {
+      if (!result.report.changed) continue;
+      const auto id = static_cast<std::size_t>(result.report.glyph);
+      changed.push_back(result.report.glyph);
+      edited.glyphs[id].contours = result.contours;
+      edited.glyphs[id].components.clear();
+    }
+    std::vector<int> composites;
+    for (const int id : dependents(font_, changed)) {
+      const Glyph& glyph = edited.glyphs[static_cast<std::size_t>(id)];
+      if (glyph.is_composite() && glyph.trouble.empty()) composites.push_back(id);
+    }
+    std::vector<std::vector<fontcore::Crossing>> added(composites.size());
+    run_jobs(static_cast<int>(composites.size()), jobs_, [&](int i) {
+      const auto k = static_cast<std::size_t>(i);
+      try {
+        const auto before = find_crossings(compose(font_, composites[k]));
+        auto after = find_crossings(compose(edited, composites[k]));
+        if (added_crossings(before, after) == 0) return;
+        std::erase_if(after, [&](const fontcore::Crossing& crossing) {
+          return std::ranges::any_of(before,
+                                     [&](const auto& old) { return (old.where - crossing.where).norm() < 1.0; });
+        });
+        added[k] = std::move(after);
+      } catch (const fontcore::WorkLimitExceeded&) {
+        return;  // it lies on itself too often to say
+      }
+    });
+    Found found;
+    for (std::size_t k = 0; k < composites.size(); ++k) {
+      if (added[k].empty()) continue;
+      found.composites.push_back(composites[k]);
+      const double origin = font_.glyphs[static_cast<std::size_t>(composites[k])].origin;
+      std::vector<Origin> origins;
+      if (!add_origins(font_, composites[k], {}, origins)) continue;
+      for (const fontcore::Crossing& crossing : added[k]) {
+        for (const int contour : {crossing.a.contour, crossing.b.contour}) {
+          const auto& [glyph, placement] = origins.at(static_cast<std::size_t>(contour));
+          if (placement.linear.determinant() == 0.0 || !std::ranges::binary_search(changed, glyph)) continue;
+          const Point where = crossing.where + Point(origin, 0.0) - placement.shift;
+          found.places[glyph].push_back(placement.linear.inverse() * where);
+        }
+      }
+    }
+    return found;
+  }
+
+ private:
+  const Font& font_;
+  JobOptions jobs_;
+};
+
+bool lays_detail(const Recipe& recipe) {
+  return std::ranges::any_of(recipe.steps,
+                             [](const Step& step) { return std::holds_alternative<CharacterStep>(step); });
+}
+
+}  // namespace
+
 RestyleResult restyle(const Font& font, const Recipe& recipe, const RestyleOptions& options) {
   const std::vector<int> selected = glyphs_to_restyle(font, recipe, options);
   const bool finds_zones = recipe.keep.zones_auto && !recipe.steps.empty() && !selected.empty();
@@ -1261,6 +190,34 @@ RestyleResult restyle(const Font& font, const Recipe& recipe, const RestyleOptio
     results[k].contours.shrink_to_fit();
   });
 
+  std::vector<int> crossing_composites;
+  if (lays_detail(recipe) && recipe.on_crossing != OnCrossing::Allow) {
+    constexpr int rounds = 4;
+    CompositeCheck check(font, options);
+    std::map<int, std::vector<Point>> quiet;
+    for (int round = 0; round < rounds; ++round) {
+      auto found = check.look(results);
+      crossing_composites = std::move(found.composites);
+      if (found.places.empty() || round + 1 == rounds) break;
+      std::vector<std::size_t> again;
+      for (std::size_t k = 0; k < results.size(); ++k) {
+        const auto places = found.places.find(results[k].report.glyph);
+        if (places == found.places.end()) continue;
+        again.push_back(k);
+        std::ranges::copy(places->second, std::back_inserter(quiet[places->first]));
+      }
+      JobOptions jobs = options.jobs;
+      jobs.progress = {};
+      run_jobs(static_cast<int>(again.size()), jobs, [&](int i) {
+        GlyphResult& result = results[again[static_cast<std::size_t>(i)]];
+        const int id = result.report.glyph;
+        result = restyle_glyph(font, id, recipe, zones, quiet.at(id));
+        result.report.notes.push_back(
+            text("detail is left out around ", quiet.at(id).size(), " places: there composites with it would cross"));
+      });
+    }
+  }
+
   RestyleResult result;
   EditedGlyphs edited;
   WriteOptions writing{.composites = recipe.composites, .is_checked = !recipe.steps.empty()};
@@ -1274,6 +231,10 @@ RestyleResult restyle(const Font& font, const Recipe& recipe, const RestyleOptio
     result.glyphs.push_back(std::move(glyph.report));
   }
   result.font = write_font(font, edited, writing);
+  for (const int id : crossing_composites) {
+    result.font.warnings.push_back(text(font.glyphs[static_cast<std::size_t>(id)].name,
+                                        ": its parts cross in more places than before, with detail on them"));
+  }
   const std::vector<std::int64_t> bytes_before = glyph_bytes(font);
   const std::vector<std::int64_t> bytes_after = glyph_bytes(font, result.font);
   for (const Glyph& glyph : font.glyphs) {

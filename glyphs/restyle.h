@@ -84,7 +84,11 @@ struct GlyphResult {
 };
 /// `zones` are heights that the font's letters share; the glyph's own lowest and highest nodes are added if the recipe
 /// says "auto".
-GlyphResult restyle_glyph(const Font& font, int glyph, const Recipe& recipe, const std::vector<double>& zones = {});
+/// Around `quiet` places no library's detail is laid.
+GlyphResult restyle_glyph(const Font& font, int glyph, const Recipe& recipe, const std::vector<double>& zones = {},
+                          const std::vector<fontcore::Point>& quiet = {});
+/// Points that a file holds; implied nodes follow from their handles.
+std::int64_t stored_points(const std::vector<fontcore::BezierContour>& contours);
 
 /// Heights of the alignment zones of a font, flat and overshoot, found from its Latin letters and figures.
 std::vector<double> alignment_zones(const Font& font);
