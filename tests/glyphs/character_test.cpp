@@ -284,3 +284,32 @@ TEST_CASE("ink is on the left of PostScript contours and on the right of TrueTyp
     }
   }
 }
+
+TEST_CASE("every bundled library is one that fonts can be given", "[character]") {
+  const Font font = load_font(bundled_otf[0]);
+  for (const char* name : {"dry_brush", "ink", "scallop", "garamond"}) {
+    INFO(name);
+    const auto library = load_library(bundled_font(std::string("libraries/") + name + ".json"));
+    CHECK(library->name.find(std::string(name).substr(0, 3)) == 0);
+    for (const char letter : std::string("oH")) {
+      const GlyphResult result = restyle_glyph(font, glyph_of(font, letter).id, laying(*library));
+      CHECK(result.report.refused.empty());
+      CHECK(result.report.changed);
+      CHECK(result.report.crossings_after == 0);
+    }
+  }
+}
+
+TEST_CASE("composites of textured parts cross no more than before", "[character]") {
+  const Font font = load_font(bundled_ttf[0]);
+  Recipe recipe = laying(*load_library(bundled_font("libraries/dry_brush.json")));
+  recipe.glyphs = "A,ring";
+  const RestyleResult result = restyle(font, recipe);
+  CHECK(result.changed() == 2);
+  const Font after = load_font_bytes("after.ttf", result.font.data);
+  for (const char* name : {"Aring", "Aringacute"}) {
+    const int id = font.find(name);
+    const auto before = find_crossings(compose(font, id));
+    CHECK(added_crossings(before, find_crossings(compose(after, id))) == 0);
+  }
+}
