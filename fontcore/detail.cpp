@@ -26,7 +26,9 @@ constexpr int most_points = 20000;  // of one arc
 constexpr int passes = 12;
 constexpr int passes_by_length = 3;
 constexpr double corner_at_scale = 30.0 * std::numbers::pi / 180.0;
-constexpr double bend_at_scale = 75.0 * std::numbers::pi / 180.0;
+// A bend of a radius below half a scale is more than the base can follow, unless all of a small contour bends so.
+constexpr double bend_at_scale = 1.0;  // radians, over half a scale
+constexpr double bend_of_all = 1.5;    // times what the contour turns in the mean
 
 void check_scale(const char* who, double scale) {
   if (!(scale > 0.0) || !std::isfinite(scale)) throw InvalidInput(text(who, ": scale ", scale, ", must be positive"));
@@ -270,6 +272,7 @@ OutlineArcs arcs_at_scale(const BezierContour& contour, double scale, const Outl
     const Point after = at(s + half) - here;
     return std::abs(std::atan2(before.x() * after.y() - before.y() * after.x(), before.dot(after)));
   };
+  const double sharpest = std::max(bend_at_scale, bend_of_all * 2.0 * std::numbers::pi * half / arcs.length());
   struct Cut {
     double s;
     double turn;
@@ -287,7 +290,7 @@ OutlineArcs arcs_at_scale(const BezierContour& contour, double scale, const Outl
         const bool is_texture = std::min(arc.length, before.length) < half && cut.turn < corner_at_scale &&
                                 std::ranges::find(options.corners, node) == options.corners.end();
         if (!is_texture) cuts.push_back(cut);
-      } else if (cut.turn > bend_at_scale && contour.kind(node) == PointKind::Node) {
+      } else if (cut.turn > sharpest && contour.kind(node) == PointKind::Node) {
         bends.push_back(cut);
       }
     }

@@ -41,8 +41,8 @@ enum class InkSide { Left, Right };
 /// The contour cut into arcs where it has corners at a scale, looking half of it to either side.
 ///
 /// A corner with an arc shorter than that beside it, where the outline as a whole turns by less than 30 degrees, is
-/// texture: rough print is not a row of corners. A node where it turns by more than 75 degrees is a corner though it be
-/// smooth: the tip of a terminal is no detail to be taken off.
+/// texture: rough print is not a row of corners. A node where it turns by more than a radian, and half as much again as
+/// the contour does in the mean, is a corner though it be smooth: the tip of a terminal is no detail to be taken off.
 ///
 /// `options` as for OutlineArcs; its corners are always kept.
 OutlineArcs arcs_at_scale(const BezierContour& contour, double scale, const OutlineCurveOptions& options = {});

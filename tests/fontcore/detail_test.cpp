@@ -54,9 +54,7 @@ std::vector<BezierContour> outlines() {
   return {shapes::circle(240), shapes::square(700), shapes::arch(500), letter(0), letter(1)};
 }
 
-double distance(const BezierContour& a, const BezierContour& b) {
-  return farthest(a, b, 0.004).distance;
-}
+double distance(const BezierContour& a, const BezierContour& b) { return farthest(a, b, 0.004).distance; }
 
 }  // namespace
 
@@ -231,7 +229,7 @@ TEST_CASE("texture has one size on all contours", "[character]") {
     for (const double length : {200.0, 260.0, 500.0, 1300.0, 5000.0}) {
       const double radius = length / two_pi;
       const BezierContour contour = shapes::circle(radius);
-      const OutlineArcs outline(contour);
+      const OutlineArcs outline = arcs_at_scale(contour, library.scale);
       const Character textured = apply_detail(outline, library, {.seed = 4});
       REQUIRE(textured.arcs == 1);
       // From every second passage through the middle to the next, where no seam is.

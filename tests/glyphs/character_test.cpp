@@ -3,6 +3,7 @@
 #include "fontcore/character.h"
 
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <random>
 #include <set>
@@ -65,6 +66,37 @@ bool has_segment(const std::vector<BezierContour>& contours, const fontcore::Bez
     }
   }
   return false;
+}
+
+/// How far the bases of an outline's arcs are from those of a textured one, looked at without knowing what was laid; in
+/// both its corners are the same points.
+double blind_move(const BezierContour& plain, const BezierContour& textured, double scale) {
+  const fontcore::OutlineArcs before = arcs_at_scale(plain, scale);
+  fontcore::OutlineCurveOptions same;
+  same.corner_angle = same.line_angle = 7.0;  // none but those named
+  for (const auto& arc : before.arcs()) {
+    const Point corner = plain.point(plain.node(arc.segments[0]));
+    for (int i = 0; i < textured.point_count() && before.has_corner(); ++i) {
+      if (is_node(textured.kind(i)) && textured.point(i) == corner) same.corners.push_back(i);
+    }
+  }
+  const fontcore::OutlineArcs after(textured, same);
+  if (before.arcs().size() != after.arcs().size()) return std::numeric_limits<double>::infinity();
+  double most = 0.0;
+  for (const auto& arc : before.arcs()) {
+    if (arc.length < scale) continue;
+    const auto base = [&](const fontcore::OutlineArcs& outline, const fontcore::OutlineArcs::Arc& on) {
+      const auto index = static_cast<int>(&on - outline.arcs().data());
+      return fontcore::DetailBase(points_along(outline, index, 1200), !outline.has_corner(), scale).points();
+    };
+    const Point start = plain.point(plain.node(arc.segments[0]));
+    for (const auto& other : after.arcs()) {
+      const Point there = textured.point(textured.node(other.segments[0]));
+      if (before.has_corner() && there != start) continue;
+      most = std::max(most, fontcore::two_sided_distance(base(before, arc), base(after, other)));
+    }
+  }
+  return most;
 }
 
 }  // namespace
@@ -311,5 +343,27 @@ TEST_CASE("composites of textured parts cross no more than before", "[character]
     const int id = font.find(name);
     const auto before = find_crossings(compose(font, id));
     CHECK(added_crossings(before, find_crossings(compose(after, id))) == 0);
+  }
+}
+
+TEST_CASE("a texture looked at anew has the base of the plain outline", "[character]") {
+  for (const char* name : {"dry_brush", "ink", "scallop"}) {
+    const auto library = load_library(bundled_font(std::string("libraries/") + name + ".json"));
+    const Recipe recipe = laying(*library);
+    for (const std::string& path : bundled_fonts()) {
+      const Font font = load_font(path);
+      const double em = font.units_per_em;
+      for (const char letter : std::string("aegosR&")) {
+        const Glyph& glyph = glyph_of(font, letter);
+        if (glyph.is_composite()) continue;
+        const GlyphResult result = restyle_glyph(font, glyph.id, recipe);
+        REQUIRE(result.report.refused.empty());
+        for (std::size_t k = 0; k < glyph.contours.size(); ++k) {
+          if (result.unrounded[k] == glyph.contours[k]) continue;
+          INFO(name << " on " << path << " " << glyph.name << " " << k);
+          CHECK(blind_move(glyph.contours[k], result.unrounded[k], 1e-3 * library->scale * em) < 1.5e-3 * em);
+        }
+      }
+    }
   }
 }
