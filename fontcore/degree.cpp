@@ -103,19 +103,72 @@ BezierContour with_implied_nodes(const BezierContour& contour, double distance) 
   std::vector<PointKind> kinds = contour.kinds();
   Points points = contour.points();
   const auto n = static_cast<int>(kinds.size());
-  for (int i = 1; i < n; ++i) {  // the first stays the first
-    const int before = i - 1;
+  for (int i = 0; i < n; ++i) {
+    const int before = (i + n - 1) % n;
     const int after = (i + 1) % n;
     if (!is_node(contour.kind(i)) || contour.kind(before) != PointKind::Quadratic ||
         contour.kind(after) != PointKind::Quadratic) {
       continue;
     }
     const Point middle = 0.5 * (contour.point(before) + contour.point(after));
-    if ((contour.point(i) - middle).norm() > distance) continue;
+    // The first stays the first, but where it is the middle already.
+    if ((contour.point(i) - middle).norm() > (i == 0 ? 0.0 : distance)) continue;
     points.row(i) = middle.transpose();
     kinds[static_cast<std::size_t>(i)] = PointKind::ImpliedNode;
   }
+  // The list begins with a point that is one: the next node, or with none a handle.
+  if (n > 0 && kinds[0] == PointKind::ImpliedNode) {
+    const auto node = std::ranges::find(kinds, PointKind::Node);
+    const auto first = node == kinds.end() ? 1 : static_cast<int>(node - kinds.begin());
+    std::rotate(kinds.begin(), kinds.begin() + first, kinds.end());
+    Points rotated(n, 2);
+    rotated << points.bottomRows(n - first), points.topRows(first);
+    points = std::move(rotated);
+  }
   return {std::move(points), std::move(kinds)};
+}
+
+BezierContour without_short_segments(const BezierContour& contour, double length, const std::vector<bool>& stays) {
+  if (static_cast<Eigen::Index>(stays.size()) != contour.point_count()) {
+    throw InvalidInput(text("without_short_segments: ", stays.size(), " marks for ", contour.point_count(), " points"));
+  }
+  struct Piece {
+    Bezier curve;
+    bool holds_start;
+    bool holds_end;
+  };
+  std::vector<Piece> pieces;
+  for (int s = 0; s < contour.segment_count(); ++s) {
+    pieces.push_back({contour.segment(s), stays[static_cast<std::size_t>(contour.point_of(s, 0))],
+                      stays[static_cast<std::size_t>(contour.point_of(s, contour.degree(s)))]});
+  }
+  const auto end_of = [](Bezier& b) -> Point& { return b.p[static_cast<std::size_t>(b.degree)]; };
+  for (std::size_t k = 0; k < pieces.size() && pieces.size() > 3;) {
+    const auto& [curve, holds_start, holds_end] = pieces[k];
+    if ((curve.end() - curve.start()).norm() >= length || (holds_start && holds_end)) {
+      ++k;
+      continue;
+    }
+    const Point one = holds_start ? curve.start()
+                      : holds_end ? curve.end()
+                                  : Point(0.5 * (curve.start() + curve.end()));
+    const bool holds = holds_start || holds_end;
+    Piece& before = pieces[k == 0 ? pieces.size() - 1 : k - 1];
+    Piece& after = pieces[k + 1 == pieces.size() ? 0 : k + 1];
+    end_of(before.curve) = one;
+    after.curve.p[0] = one;
+    before.holds_end = after.holds_start = holds;
+    pieces.erase(pieces.begin() + static_cast<std::ptrdiff_t>(k));
+  }
+  PointList list;
+  for (const Piece& piece : pieces) {
+    const Bezier& b = piece.curve;
+    list.add(b.start(), PointKind::Node);
+    for (int i = 1; i < b.degree; ++i) {
+      list.add(b.p[static_cast<std::size_t>(i)], b.degree == 2 ? PointKind::Quadratic : PointKind::Cubic);
+    }
+  }
+  return list.contour();
 }
 
 BezierContour straightened(const BezierContour& contour, const std::vector<bool>& stays) {

@@ -20,8 +20,15 @@ BezierContour raised_to_cubics(const BezierContour& contour);
 BezierContour lowered_to_quadratics(const BezierContour& contour, double distance, bool is_whole);
 
 /// The outline without points that it does not need: a node within a distance of the middle between two quadratic
-/// handles is implied by them, and goes there. The first point stays.
+/// handles is implied by them, and goes there. The first point stays, unless it is just in the middle.
 BezierContour with_implied_nodes(const BezierContour& contour, double distance);
+
+/// The outline without segments shorter than a length: their ends become one node, in the middle, or where one of them
+/// is to stay, there; both that stay, stay.
+///
+/// Shape   stays one mark a point. Kinds of nodes: all points of their own.
+/// Throws  InvalidInput if it has another number.
+BezierContour without_short_segments(const BezierContour& contour, double length, const std::vector<bool>& stays);
 
 /// The outline with a line for every curve whose control points lie exactly on one, as rounding to whole numbers makes
 /// them, whose handles may turn back on it; and one line for two that follow each other so, though the second turned

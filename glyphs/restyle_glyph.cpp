@@ -729,23 +729,25 @@ class GlyphEditor {
     return corners;
   }
 
-  // Points of an emitted outline that are where points stand that stay: of segments that nothing touched, and nodes of
-  // the font's between textured stretches.
-  std::vector<int> staying_in(const BezierContour& emitted, const BezierContour& solved, const std::vector<bool>& stays,
-                              std::size_t index) const {
+  // Where points stand that stay: of segments that nothing touched, and nodes of the font's between textured stretches.
+  using Places = std::set<std::pair<double, double>>;
+  Places staying_places(const BezierContour& solved, const std::vector<bool>& stays, std::size_t index) const {
     const Reference& reference = references_[index];
-    std::set<std::pair<double, double>> places;
+    Places places;
     for (int i = 0; i < solved.point_count(); ++i) {
       const auto at = static_cast<std::size_t>(i);
       const int from = reference.is_textured && is_node(solved.kind(i)) ? reference.came_from[at] : -1;
       const bool is_own = from >= 0 && solved.point(i) == original_[index].point(from);
       if (stays[at] || is_own) places.emplace(solved.point(i).x(), solved.point(i).y());
     }
-    std::vector<int> held;
-    for (int i = 0; i < emitted.point_count(); ++i) {
-      if (places.contains({emitted.point(i).x(), emitted.point(i).y()})) held.push_back(i);
+    return places;
+  }
+  static std::vector<bool> marks_at(const BezierContour& contour, const Places& places) {
+    std::vector<bool> marks;
+    for (int i = 0; i < contour.point_count(); ++i) {
+      marks.push_back(places.contains({contour.point(i).x(), contour.point(i).y()}));
     }
-    return held;
+    return marks;
   }
 
   // The segments that frozen points need: those frozen as a whole, and those with a frozen point that none of them has,
@@ -784,9 +786,10 @@ class GlyphEditor {
     options.corners = corners_of(solved, index);
     const std::vector<bool> stays = staying_points(solved, index);
     options.kept_segments = segments_of(solved, stays);
+    const Places places = staying_places(solved, stays, index);
     std::optional<BezierContour> emitted;
     if (references_[index].is_textured && options.curve == fontcore::CurveKind::Quadratic) {
-      emitted = fitted_by_quadratics(solved, options);
+      emitted = fitted_by_quadratics(solved, options, places);
     } else {
       const int other_degree = options.curve == fontcore::CurveKind::Cubic ? 2 : 3;
       for (const int s : options.kept_segments) {
@@ -799,9 +802,13 @@ class GlyphEditor {
     fontcore::Unrounded result{*emitted, *emitted, rules_, {}};
     result.goal.area = signed_area(solved);
     result.goal.scale = std::abs(signed_area(original_));
-    result.goal.is_new.assign(static_cast<std::size_t>(emitted->point_count()), true);
-    const std::vector<int> held = staying_in(*emitted, solved, stays, index);
-    for (const int point : held) result.goal.is_new[static_cast<std::size_t>(point)] = false;
+    const std::vector<bool> is_held = marks_at(*emitted, places);
+    std::vector<int> held;
+    for (int i = 0; i < emitted->point_count(); ++i) {
+      if (is_held[static_cast<std::size_t>(i)]) held.push_back(i);
+    }
+    result.goal.is_new = is_held;
+    result.goal.is_new.flip();
     if (recipe_.keep.area == KeepArea::None || *emitted == solved) return result;
     fontcore::StructureEdit edit;
     edit.rules = rules_;
@@ -817,7 +824,8 @@ class GlyphEditor {
 
   // A texture in quadratics: fitted by cubics, and these cut. What is kept comes back as the quadratics it was.
   static std::optional<BezierContour> fitted_by_quadratics(const BezierContour& solved,
-                                                           fontcore::CompactOptions options) {
+                                                           fontcore::CompactOptions options, const Places& places) {
+    constexpr double shortest = 2.5;  // units: on shorter ones rounding turns handles back
     constexpr double share_of_cubics = 0.6;
     constexpr double share_of_nodes = 0.1;
     const double tolerance = options.tolerance;
@@ -842,10 +850,9 @@ class GlyphEditor {
     }
     fontcore::Points list(static_cast<Eigen::Index>(points.size()), 2);
     for (std::size_t i = 0; i < points.size(); ++i) list.row(static_cast<Eigen::Index>(i)) = points[i].transpose();
-    return with_implied_nodes(
-        fontcore::lowered_to_quadratics({std::move(list), std::move(kinds)},
-                                        (1.0 - share_of_cubics - share_of_nodes) * tolerance, false),
-        share_of_nodes * tolerance);
+    const BezierContour cut = fontcore::lowered_to_quadratics(
+        {std::move(list), std::move(kinds)}, (1.0 - share_of_cubics - share_of_nodes) * tolerance, false);
+    return with_implied_nodes(without_short_segments(cut, shortest, marks_at(cut, places)), share_of_nodes * tolerance);
   }
 
   std::vector<fontcore::Rounding> round_together(const std::vector<fontcore::Unrounded>& moved) const {
