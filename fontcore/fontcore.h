@@ -23,4 +23,6 @@
 #include "fontcore/compact.h"
 #include "fontcore/degree.h"
 #include "fontcore/rounding.h"
+#include "fontcore/stroke.h"
+#include "fontcore/weight.h"
 // clang-format on
