@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <exception>
 #include <iostream>
+#include <map>
 
 #include "glyphs/error.h"
 #include "glyphs/safe_file.h"
@@ -78,6 +79,10 @@ struct Options {
   std::string family_recipe;
   std::string output_dir;
   commands::SimplifyRequest simplify;
+  commands::LearnWeightRequest learn_weight;
+  commands::ApplyWeightRequest apply_weight;
+  std::string prior;
+  std::string advance;
   commands::ConvertRequest convert;
   commands::ProofRequest proof;
 };
@@ -97,7 +102,7 @@ CLI::Option* add_output(CLI::App& app, Options& options, const char* help) {
 /// Options and commands that CLI users know and this version lacks are refused by name, not as unknown.
 [[noreturn]] void refuse(const std::string& what) { throw RequestError(what + ": not in this version"); }
 
-constexpr std::array<Command, 7> table{{
+constexpr std::array<Command, 9> table{{
     {"inspect", "per glyph and contour: points, segments, corners, model, area, length", [](CLI::App&, Options&) {},
      [](const Options& options) { return commands::inspect(options.request); }},
     {"restyle", "apply a recipe to a font or a UFO",
@@ -137,9 +142,40 @@ constexpr std::array<Command, 7> table{{
      }},
     {"check", "where outlines meet themselves or each other; exit status 1 if anywhere", [](CLI::App&, Options&) {},
      [](const Options& options) { return commands::check(options.request); }},
-    {"area", "areas of glyphs: area measure FONT",
+    {"area measure", "exact signed area of every glyph",
      [](CLI::App& app, Options& options) { add_output(app, options, "the baseline, JSON"); },
      [](const Options& options) { return commands::measure_area(options.request, options.output); }},
+    {"weight learn", "the step from a weight to another, from a few letters drawn in both",
+     [](CLI::App& app, Options& options) {
+       app.add_option("BOLD", options.learn_weight.bold, "the other weight")->required();
+       app.add_option("--control", options.learn_weight.controls, "letters to learn from: n,o,H,O")->required();
+       add_output(app, options, "the model, JSON")->required();
+       app.add_option("--prior", options.prior, "none: nothing is known but the letters");
+     },
+     [](const Options& options) {
+       if (!options.prior.empty() && options.prior != "none") refuse("weight learn --prior " + options.prior);
+       commands::LearnWeightRequest learn = options.learn_weight;
+       learn.output = options.output;
+       return commands::learn_weight(options.request, learn);
+     }},
+    {"weight apply", "a learnt step put on glyphs of the same or another family",
+     [](CLI::App& app, Options& options) {
+       app.add_option("MODEL", options.apply_weight.model, "what weight learn has written")->required();
+       add_output(app, options, "the new font, .ttf, .otf or .ufo as FONT; may be FONT itself")->required();
+       app.add_option("--amount", options.apply_weight.amount,
+                      "of the step, -1 to 2; 1 unless given, 0 changes nothing");
+       app.add_option("--italic-angle", options.apply_weight.italic_angle,
+                      "what vertical means, degrees leaning right");
+       app.add_option("--advance", options.advance, "keep: advances stay");
+       app.add_option("--report", options.apply_weight.report, "what became of every glyph, JSON");
+       app.add_flag("--strict", options.apply_weight.strict, "any refused glyph: exit status 1 and no output");
+     },
+     [](const Options& options) {
+       if (!options.advance.empty() && options.advance != "keep") refuse("weight apply --advance " + options.advance);
+       commands::ApplyWeightRequest apply = options.apply_weight;
+       apply.output = options.output;
+       return commands::apply_weight(options.request, apply);
+     }},
     {"convert", "a font as another kind of file: TrueType as OpenType and back, either as a UFO, one glyph as an SVG",
      [](CLI::App& app, Options& options) {
        app.add_option("OUT", options.convert.output, "the new file, .otf, .ttf, .ufo or .svg")->required();
@@ -206,22 +242,26 @@ int run_program(int count, char** arguments) {
   app.require_subcommand(1);
   Options options;
   Outcome outcome;
+  std::map<std::string, CLI::App*> groups;
+  for (const auto& [name, help] : {std::pair("area", "areas of glyphs: area measure FONT"),
+                                   std::pair("weight", "weight learnt from a pair, put on other glyphs")}) {
+    groups[name] = app.add_subcommand(name, help)->require_subcommand(1);
+  }
+  for (const char* later : {"check", "audit"})
+    groups["area"]->add_subcommand(later, "not in this version")->allow_extras()->group("")->callback([later] {
+      refuse(std::string("area ") + later);
+    });
   for (const Command& command : table) {
-    CLI::App* sub = app.add_subcommand(command.name, command.help);
-    if (std::string(command.name) == "area") {
-      sub->require_subcommand(1);
-      for (const char* later : {"check", "audit"})
-        sub->add_subcommand(later, "not in this version")->allow_extras()->group("")->callback([later] {
-          refuse(std::string("area ") + later);
-        });
-      sub = sub->add_subcommand("measure", "exact signed area of every glyph");
-    }
+    const std::string name = command.name;
+    const std::size_t space = name.find(' ');
+    CLI::App* parent = space == std::string::npos ? &app : groups.at(name.substr(0, space));
+    CLI::App* sub = parent->add_subcommand(name.substr(space + 1), command.help);
     // FONT stands before a command's own arguments.
     add_common_options(*sub, options);
     command.add_options(*sub, options);
     sub->callback([&] { outcome = run(command, options); });
   }
-  for (const char* later : {"character", "weight"})
+  for (const char* later : {"character"})
     app.add_subcommand(later, "not in this version")->allow_extras()->group("")->callback([later] { refuse(later); });
 
   try {
