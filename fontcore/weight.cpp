@@ -889,6 +889,10 @@ class Wishes {
   std::vector<double> values_;
 };
 
+// What is done about a segment in a loop: its length along itself is held at half, then whole, then it only moves.
+enum class Fold : std::uint8_t { Free, Halved, Whole, Rigid };
+using Folds = std::vector<std::vector<Fold>>;  // by contour and segment
+
 // A shape, and what the model says of each of its edges.
 class Application {
  public:
@@ -907,9 +911,8 @@ class Application {
   }
 
   const StrokeEdges& shape() const { return shape_; }
-  // Displacement of every point at amount 1; segments that are rigid keep their direction and length.
-  std::vector<Points> moves(const std::vector<std::vector<bool>>& is_rigid, const OutlineRules& rules,
-                            const std::vector<Rows>& held) const {
+  // Displacement of every point at amount 1.
+  std::vector<Points> moves(const Folds& folds, const OutlineRules& rules, const std::vector<Rows>& held) const {
     Wishes wishes(contours_);
     std::vector<Wishes::Sum> starts;
     std::vector<Wishes::Sum> middles;
@@ -920,7 +923,8 @@ class Application {
     ask_strokes(wishes, middles);
     ask_counters(wishes, middles);
     ask_zones(wishes, starts, middles);
-    ask_offset(wishes, starts, is_rigid);
+    ask_offset(wishes, starts, folds);
+    ask_folds(wishes, folds);
     ask_handles(wishes);
     return wishes.solve(rules, held);
   }
@@ -1039,8 +1043,7 @@ class Application {
     return edge.ink.exists() && edge.thickness() < 200.0 && edge.facing > 0.6;
   }
 
-  void ask_offset(Wishes& wishes, const std::vector<Wishes::Sum>& starts,
-                  const std::vector<std::vector<bool>>& is_rigid) const {
+  void ask_offset(Wishes& wishes, const std::vector<Wishes::Sum>& starts, const Folds& folds) const {
     const std::vector<Point> offset = offsets();
     const double share = share_of_contrast(letters_);
     for (int i = 0; i < shape_.size(); ++i) {
@@ -1050,7 +1053,7 @@ class Application {
       const double length = 0.1 * edge.length;
       const double slope = 1.0 / std::max(length, 0.2);
       const Point& d = offset[static_cast<std::size_t>(i)];
-      if (is_rigid[static_cast<std::size_t>(edge.contour)][static_cast<std::size_t>(edge.segment)]) {
+      if (folds[static_cast<std::size_t>(edge.contour)][static_cast<std::size_t>(edge.segment)] == Fold::Rigid) {
         wishes.add(next, own, Point::Zero(), rigid_weight);
         continue;
       }
@@ -1078,6 +1081,23 @@ class Application {
       const bool ends_stroke =
           edge.is_line && edge.run < 1.6 * stem_ && !(edge.ink.exists() && edge.thickness() < 1.3 * stem_);
       if (ends_stroke) wishes.add({{next, edge.normal}, {own, -edge.normal}}, 0.0, terminal_weight * slope);
+    }
+  }
+
+  // Segments that folded over keep half of their length, so that they do not up to twice the step; or more.
+  void ask_folds(Wishes& wishes, const Folds& folds) const {
+    for (std::size_t c = 0; c < contours_.size(); ++c) {
+      for (int s = 0; s < contours_[c].segment_count(); ++s) {
+        const Fold fold = folds[c][static_cast<std::size_t>(s)];
+        if (fold == Fold::Free || fold == Fold::Rigid) continue;
+        const Bezier bezier = contours_[c].segment(s);
+        const Point chord = bezier.end() - bezier.start();
+        const double length = chord.norm();
+        if (length == 0.0) continue;
+        const int index = static_cast<int>(c);
+        wishes.add({{wishes.at(index, s, 1.0), chord / length}, {wishes.at(index, s, 0.0), -chord / length}},
+                   fold == Fold::Halved ? -0.5 * length : 0.0, rigid_weight);
+      }
     }
   }
 
@@ -1121,22 +1141,33 @@ Contours moved(const Contours& contours, const std::vector<Points>& moves, doubl
   return result;
 }
 
-// Marks the segments of the loop between two places of a contour, the shorter way round; false if nothing is new.
-bool mark_loop(const BezierContour& contour, const Crossing& crossing, std::vector<bool>& is_rigid) {
-  const int n = contour.segment_count();
-  const int a = crossing.a.segment;
-  const int b = crossing.b.segment;
-  const int ahead = (b - a + n) % n;
-  const int from = ahead <= n - ahead ? a : b;
+// Deals with the loop between two places of a contour, the shorter way round; false if nothing is left to do.
+bool open_loop(const BezierContour& before, const BezierContour& after, const Crossing& crossing,
+               std::vector<Fold>& folds) {
+  const int n = before.segment_count();
+  const int ahead = (crossing.b.segment - crossing.a.segment + n) % n;
+  const int from = ahead <= n - ahead ? crossing.a.segment : crossing.b.segment;
   const int count = std::min(ahead, n - ahead);
-  bool is_new = false;
   // What lies wholly between the two places; of neighbours, and of a loop within a segment, themselves.
   const int first = count > 1 ? 1 : 0;
   const int last = count > 1 ? count - 1 : count;
+  bool is_halved = false;
   for (int k = first; k <= last; ++k) {
-    const auto s = static_cast<std::size_t>((from + k) % n);
-    is_new = is_new || !is_rigid[s];
-    is_rigid[s] = true;
+    const int s = (from + k) % n;
+    Fold& fold = folds[static_cast<std::size_t>(s)];
+    const Bezier was = before.segment(s);
+    const Bezier is = after.segment(s);
+    const Point chord = was.end() - was.start();
+    if (fold != Fold::Free || chord.dot(is.end() - is.start()) > 0.5 * chord.squaredNorm()) continue;
+    fold = Fold::Halved;
+    is_halved = true;
+  }
+  if (is_halved) return true;
+  bool is_new = false;
+  for (int k = first; k <= last; ++k) {
+    Fold& fold = folds[static_cast<std::size_t>((from + k) % n)];
+    is_new = is_new || fold != Fold::Rigid;
+    fold = fold < Fold::Whole ? Fold::Whole : Fold::Rigid;
   }
   return is_new;
 }
@@ -1275,12 +1306,12 @@ Weighted apply_weight(const std::vector<BezierContour>& contours, LetterClass le
   rules.frame.italic_angle = options.italic_angle;
   const std::vector<Crossing> crossings = find_crossings(contours);
   const Ink ink = measure_ink(contours, crossings);
-  std::vector<std::vector<bool>> is_rigid;
-  for (const BezierContour& contour : contours) is_rigid.emplace_back(contour.segment_count(), false);
+  Folds folds;
+  for (const BezierContour& contour : contours) folds.emplace_back(contour.segment_count(), Fold::Free);
   HeldHandles held(own);
   std::vector<Points> moves;
   for (bool again = true; again;) {
-    moves = application.moves(is_rigid, rules, held.rows());
+    moves = application.moves(folds, rules, held.rows());
     again = held.hold(own, moved(own, moves, 1.0), beyond_allowed);
     for (Points& points : moves) points *= unit;
     if (again) continue;
@@ -1290,7 +1321,7 @@ Weighted apply_weight(const std::vector<BezierContour>& contours, LetterClass le
     for (const Crossing& crossing : after) {
       if (crossing.a.contour != crossing.b.contour) continue;
       const auto c = static_cast<std::size_t>(crossing.a.contour);
-      again = mark_loop(bold[c], crossing, is_rigid[c]) || again;
+      again = open_loop(contours[c], bold[c], crossing, folds[c]) || again;
     }
   }
 
@@ -1321,8 +1352,9 @@ Weighted apply_weight(const std::vector<BezierContour>& contours, LetterClass le
   }
   result.contours = std::move(weighted);
   result.amount = amount;
-  for (const std::vector<bool>& list : is_rigid) {
-    result.rigid_segments += static_cast<int>(std::ranges::count(list, true));
+  for (const std::vector<Fold>& list : folds) {
+    result.held_segments +=
+        static_cast<int>(list.size() - static_cast<std::size_t>(std::ranges::count(list, Fold::Free)));
   }
   const Letters& own_letters = model.letters[static_cast<std::size_t>(letters)];
   result.left_side = amount * unit * own_letters.left_side;

@@ -96,7 +96,7 @@ struct WeightOptions {
 struct Weighted {
   std::vector<BezierContour> contours;  ///< of the structure given, not rounded
   double amount = 0.0;     ///< applied: less than asked where more would cross, close a counter or lose ink
-  int rigid_segments = 0;  ///< that only move, since they would have folded over
+  int held_segments = 0;   ///< kept from folding over
   double left_side = 0.0;  ///< learnt growth of the sidebearings times the amount, font units
   double right_side = 0.0;
 };
@@ -106,7 +106,7 @@ struct Weighted {
 ///
 /// The displacement is linear in the amount and 0 at 0, where the contours come back bit for bit. An amount above 0
 /// adds ink, one below takes it away. Where the outline would cross itself anew, close a counter or change its area
-/// against the sign of the amount, segments that fold over are kept as they are; if that is not enough, the amount is
+/// against the sign of the amount, segments that fold over are held back; if that is not enough, the amount is
 /// scaled back to the largest that does neither.
 ///
 /// Units   font units. Throws InvalidInput if the amount is not in [-1, 2] or units_per_em is not positive.

@@ -48,7 +48,7 @@ struct ReweightedGlyph {
   double area_after = 0.0;
   int crossings_before = 0;
   int crossings_after = 0;
-  int rigid_segments = 0;            ///< that only moved, since they would have folded over
+  int held_segments = 0;             ///< kept from folding over
   std::vector<std::string> dropped;  ///< instructions or hints, and why
 };
 
