@@ -33,7 +33,7 @@ constexpr double usual_stem = 100.0;    // of a shape without upright strokes
 constexpr double thinnest = 5.0;        // of a stroke, for logarithms
 constexpr double no_stroke = 1e4;       // thickness where nothing is met
 constexpr double near_zone = 7.0;       // a height so near a zone is in it
-constexpr double crowding = 0.25;       // bars lose this share of their growth as the room beside them goes to 0
+constexpr double crowding = 0.15;       // bars lose this share of their growth as the room beside them goes to 0
 constexpr double power = 2.5;           // of thickness, by which strokes of one contrast grow where nothing says more
 constexpr double diagonal = 1.0;        // powers of the cosine of the direction by which thick strokes of a contrasted
 constexpr double diagonal_round = 0.5;  // face grow less than stems: growth is alike along the line, not across
@@ -419,6 +419,7 @@ struct StrokeRow {
   StrokePlace place;
   double growth = 0.0;
   double weight = 0.0;
+  int lesson = 0;  // the letter it is from
 };
 struct CounterRow {
   double width = 0.0;
@@ -522,6 +523,7 @@ void correct_strokes(WeightModel& model, const std::vector<StrokeRow>& rows) {
   constexpr double samples = 220.0;  // that all rows together count for
   struct Sum {
     double log_thickness = 0.0, direction = 0.0, growth = 0.0, weight = 0.0;
+    std::map<int, double> of_lesson;  // weight
   };
   std::map<std::array<int, 4>, Sum> sums;
   double total = 0.0;
@@ -535,6 +537,7 @@ void correct_strokes(WeightModel& model, const std::vector<StrokeRow>& rows) {
     sum.direction += row.weight * row.place.direction;
     sum.growth += row.weight * row.growth;
     sum.weight += row.weight;
+    sum.of_lesson[row.lesson] += row.weight;
     total += row.weight;
     usual += row.weight * std::abs(row.growth);
   }
@@ -544,13 +547,19 @@ void correct_strokes(WeightModel& model, const std::vector<StrokeRow>& rows) {
     const double grows = law(model.letters[static_cast<std::size_t>(place.letters)], place);
     return 0.3 + 0.7 * std::min(std::abs(grows) / usual, 1.5);
   };
+  const double noise = 0.12 * usual + 2.0;
+  const double by_letter = 0.05 * usual;  // letters differ by so much: many rows of one say no more than it does
   std::vector<Residual::Cell> cells;
   for (const auto& [key, sum] : sums) {
+    if (sum.weight <= 0.0) continue;
     const StrokePlace place{std::exp(sum.log_thickness / sum.weight), sum.direction / sum.weight, key[2], key[3] == 1};
     const double left = sum.growth / sum.weight - law(model.letters[static_cast<std::size_t>(place.letters)], place);
-    cells.push_back({stroke_point(place), left, size_at(place), samples * sum.weight / total});
+    double same_letter = 0.0;  // chance that two rows are from one
+    for (const auto& [lesson, weight] : sum.of_lesson) same_letter += squared(weight / sum.weight);
+    const double variance = squared(noise) * total / (samples * sum.weight) + squared(by_letter) * same_letter;
+    cells.push_back({stroke_point(place), left, size_at(place), squared(noise) / variance});
   }
-  const Residual residual(std::move(cells), 0.5 * usual, 0.12 * usual + 2.0);
+  const Residual residual(std::move(cells), 0.5 * usual, noise);
   for (int c = 0; c < 2; ++c) {
     Letters& letters = model.letters[static_cast<std::size_t>(c)];
     for (std::size_t kind = 0; kind < 2; ++kind) {
@@ -659,30 +668,34 @@ std::vector<Lesson> lessons_of(WeightModel& model, std::span<const WeightPair> p
 
 double box_width(const StrokeEdges& shape) { return shape.box().high.x() - shape.box().low.x(); }
 
-// Room beside bars, of every class: what a bowl without one has.
+// Room beside bars, of every class: that of the letter with most of it, a bowl without bars.
 void learn_room(WeightModel& model, const std::vector<Lesson>& lessons) {
-  std::array<std::vector<Weighed>, 2> rooms;
+  constexpr double open = 5000.0;  // no letter closes so high
+  std::array<double, 2> most{};
   for (const Lesson& lesson : lessons) {
+    std::vector<Weighed> rooms;
     for (const StrokeEdge& edge : lesson.shape.edges()) {
       if (!is_stroke(edge) || edge.direction < 1.1 || edge.thickness() > 1.5 * lesson.stem) continue;
       const double room = room_beside(lesson.shape, edge);
-      if (room < 5.0 * 1000.0) rooms[static_cast<std::size_t>(lesson.letters)].push_back({room, edge.length});
+      if (room < open) rooms.push_back({room, edge.length});
     }
+    double& own = most[static_cast<std::size_t>(lesson.letters)];
+    if (!rooms.empty()) own = std::max(own, quantile(rooms, 0.75));
   }
-  for (std::size_t c = 0; c < 2; ++c) {
-    const std::vector<Weighed>& own = rooms[c].empty() ? rooms[1 - c] : rooms[c];
-    model.letters[c].room = own.empty() ? 0.0 : quantile(own, 0.75);
-  }
+  for (std::size_t c = 0; c < 2; ++c) model.letters[c].room = most[c] > 0.0 ? most[c] : most[1 - c];
 }
 
-std::vector<StrokeRow> stroke_rows(const WeightModel& model, const Lesson& lesson) {
+std::vector<StrokeRow> stroke_rows(const WeightModel& model, const Lesson& lesson, int index) {
   const Moves moves(lesson.shape, lesson.moves);
   const double room = model.letters[static_cast<std::size_t>(lesson.letters)].room;
   std::vector<StrokeRow> rows;
   for (int i = 0; i < lesson.shape.size(); ++i) {
     const StrokeEdge& edge = lesson.shape[i];
     if (!is_stroke(edge) || edge.thickness() >= 1.5 * lesson.stem) continue;
-    rows.push_back({place_of(edge, lesson.letters), moves.growth(i) / crowded(lesson.shape, edge, room), edge.length});
+    // What bars would grow by with room beside them is a guess, the less worth the tighter they stand.
+    const double kept = crowded(lesson.shape, edge, room);
+    const double room_left = 1.0 - (1.0 - kept) / crowding;
+    rows.push_back({place_of(edge, lesson.letters), moves.growth(i) / kept, edge.length * squared(room_left), index});
   }
   return rows;
 }
@@ -696,6 +709,8 @@ std::vector<CounterRow> counter_rows(const Lesson& lesson) {
     const int j = edge.gap_x.edge;
     const StrokeEdge& other = lesson.shape[j];
     if (!edge.ink.exists() || !other.ink.exists()) continue;
+    // Serifs and beaks are no stems.
+    if (std::min(edge.thickness(), other.thickness()) < 0.6 * lesson.stem) continue;
     const double sign = edge.normal.x() < 0.0 ? -1.0 : 1.0;
     rows.push_back({edge.gap_x.distance, sign * (moves.on(j, edge.gap_x.at) - moves.middle(i)).x(),
                     edge.length * stem_like(edge, lesson.stem) * stem_like(other, lesson.stem),
@@ -768,9 +783,10 @@ constexpr double room_weight = 0.05;
 constexpr double zone_weight = 20.0;
 constexpr double smooth_weight = 40.0;
 constexpr double gradient_weight = 2.0;
-constexpr double place_weight = 0.003;
+constexpr double place_weight = 0.005;
 constexpr double serif_weight = 5.0;
 constexpr double terminal_weight = 3.0;
+constexpr double least_deviation = 8.0;  // of a law's growth: letters differ
 constexpr double rigid_weight = 1e4;
 constexpr double handle_weight = 0.02;
 constexpr double beyond_allowed = 0.2;  // of an extremum beyond the ends of its segment
@@ -942,7 +958,7 @@ class Application {
       const StrokeEdge& edge = shape_[i];
       if (!edge.ink.exists() || edge.facing <= 0.5) continue;
       const double weight = 0.1 * edge.length * std::clamp((edge.facing - 0.5) / 0.35, 0.0, 1.0) * 16.0 /
-                            (16.0 + squared(growth(i).deviation)) /
+                            (16.0 + squared(std::max(growth(i).deviation, least_deviation))) /
                             (1.0 + std::pow(edge.thickness() / (1.6 * stem_), 10));
       wishes.add({{middles[static_cast<std::size_t>(i)], edge.normal}, {on(wishes, edge.ink), -edge.normal}},
                  growth(i).value, weight);
@@ -1249,7 +1265,7 @@ WeightModel learn_weight(std::span<const WeightPair> pairs, double units_per_em)
   std::vector<HeightRow> bottoms;
   std::array<std::vector<CounterRow>, 2> counters;
   for (const Lesson& lesson : lessons) {
-    const std::vector<StrokeRow> rows = stroke_rows(model, lesson);
+    const std::vector<StrokeRow> rows = stroke_rows(model, lesson, static_cast<int>(&lesson - lessons.data()));
     strokes.insert(strokes.end(), rows.begin(), rows.end());
     const std::vector<CounterRow> between = counter_rows(lesson);
     std::vector<CounterRow>& own = counters[static_cast<std::size_t>(lesson.letters)];
