@@ -790,6 +790,7 @@ constexpr double least_deviation = 8.0;  // of a law's growth: letters differ
 constexpr double rigid_weight = 1e4;
 constexpr double handle_weight = 0.02;
 constexpr double beyond_allowed = 0.2;  // of an extremum beyond the ends of its segment
+constexpr double longest_mitre = 6.0;   // of the offset: further a tip does not go
 constexpr double lone_weight = 1e-9;
 
 double shift_of(const std::vector<Zone>& zones, double y) {
@@ -1036,8 +1037,13 @@ class Application {
       const double h = half[static_cast<std::size_t>(i)];
       const double h0 = half[static_cast<std::size_t>(edge.previous)];
       const double turn = before.x() * n.y() - before.y() * n.x();
+      const Point sum = n + before;
       if (edge.is_corner && std::abs(turn) > 0.3) {
         offset.push_back(Point(h0 * n.y() - h * before.y(), before.x() * h - n.x() * h0) / turn);
+      } else if (edge.is_corner && n.dot(before) < 0.0 && sum.norm() > 0.0) {
+        // The tip of a spike or a notch: along the middle, no farther than a sharp corner's mitre goes.
+        const double reach = std::min(2.0 / sum.norm(), longest_mitre);
+        offset.push_back(0.5 * (h + h0) * reach * sum.normalized());
       } else {
         offset.push_back(0.5 * (h * n + h0 * before));
       }
