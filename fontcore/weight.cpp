@@ -28,13 +28,16 @@ using Zone = WeightModel::Zone;
 // Lengths below are in thousandths of the em.
 constexpr double curve_step = 11.0;
 constexpr double line_step = 22.0;
-constexpr double fine_step = 5.0;       // of the outline that a control letter is compared with
-constexpr double usual_stem = 100.0;    // of a shape without upright strokes
-constexpr double thinnest = 5.0;        // of a stroke, for logarithms
-constexpr double no_stroke = 1e4;       // thickness where nothing is met
-constexpr double near_zone = 7.0;       // a height so near a zone is in it
-constexpr double crowding = 0.15;       // bars lose this share of their growth as the room beside them goes to 0
-constexpr double power = 2.5;           // of thickness, by which strokes of one contrast grow where nothing says more
+constexpr double fine_step = 5.0;     // of the outline that a control letter is compared with
+constexpr double usual_stem = 100.0;  // of a shape without upright strokes
+constexpr double thinnest = 5.0;      // of a stroke, for logarithms
+constexpr double no_stroke = 1e4;     // thickness where nothing is met
+constexpr double near_zone = 7.0;     // a height so near a zone is in it
+constexpr double crowding = 0.15;     // bars lose this share of their growth as the room beside them goes to 0
+// Powers of thickness by which strokes of one contrast grow where nothing says more: the thin parts of round ones are
+// joins, which hardly do.
+constexpr double power_straight = 1.0;
+constexpr double power_round = 2.5;
 constexpr double diagonal = 1.0;        // powers of the cosine of the direction by which thick strokes of a contrasted
 constexpr double diagonal_round = 0.5;  // face grow less than stems: growth is alike along the line, not across
 
@@ -144,7 +147,8 @@ double law(const Letters& letters, const StrokePlace& place) {
   // Strokes about as thick as each other: a power, its exponent from stems and bars as far as they differ.
   const double u = std::log(std::max(up.thickness, 2.0) / std::max(bar.thickness, 2.0));
   const double steps = std::log(std::max(up.growth, 2.0) / std::max(bar.growth, 2.0));
-  const double g = std::clamp((steps * u + 0.1 * power) / (u * u + 0.1), 0.5, 4.0);
+  const double usual_power = place.is_round ? power_round : power_straight;
+  const double g = std::clamp((steps * u + 0.1 * usual_power) / (u * u + 0.1), 0.5, 4.0);
   const double usual = up.thickness * c2 + bar.thickness * (1.0 - c2);
   const double growth = up.growth * c2 + bar.growth * (1.0 - c2);
   const double relative = T / usual;
@@ -640,7 +644,7 @@ void learn_counters(WeightModel& model, std::array<std::vector<CounterRow>, 2> r
     const double left = sum.growth / sum.weight - counter_law(model.letters[static_cast<std::size_t>(key[1])], width);
     cells.push_back({counter_point(width, key[1], key[2]), left, 1.0, samples * sum.weight / total});
   }
-  const Residual residual(std::move(cells), 20.0, 4.0);
+  const Residual residual(std::move(cells), 10.0, 4.0);
   for (int c = 0; c < 2; ++c) {
     for (int round_sides = 0; round_sides < 3; ++round_sides) {
       for (std::size_t j = 0; j < WeightModel::widths.size(); ++j) {
