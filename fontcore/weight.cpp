@@ -1167,6 +1167,20 @@ Contours moved(const Contours& contours, const std::vector<Points>& moves, doubl
   return result;
 }
 
+// Halves the segments that turned back; false if none is new.
+bool open_folds(const BezierContour& before, const BezierContour& after, std::vector<Fold>& folds) {
+  bool is_new = false;
+  for (int s = 0; s < before.segment_count(); ++s) {
+    Fold& fold = folds[static_cast<std::size_t>(s)];
+    const Bezier was = before.segment(s);
+    const Bezier is = after.segment(s);
+    if (fold != Fold::Free || (was.end() - was.start()).dot(is.end() - is.start()) >= 0.0) continue;
+    fold = Fold::Halved;
+    is_new = true;
+  }
+  return is_new;
+}
+
 // Deals with the loop between two places of a contour, the shorter way round; false if nothing is left to do.
 bool open_loop(const BezierContour& before, const BezierContour& after, const Crossing& crossing,
                std::vector<Fold>& folds) {
@@ -1340,8 +1354,9 @@ Weighted apply_weight(const std::vector<BezierContour>& contours, LetterClass le
     moves = application.moves(folds, rules, held.rows());
     again = held.hold(own, moved(own, moves, 1.0), beyond_allowed);
     for (Points& points : moves) points *= unit;
-    if (again) continue;
     const Contours bold = moved(contours, moves, 1.0);
+    for (std::size_t c = 0; c < contours.size(); ++c) again = open_folds(contours[c], bold[c], folds[c]) || again;
+    if (again) continue;
     std::vector<Crossing> after = find_crossings(bold);
     if (added_crossings(crossings, after) == 0) break;
     for (const Crossing& crossing : after) {
