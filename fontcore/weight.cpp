@@ -1020,16 +1020,14 @@ class Application {
   // Where nothing else is said, edges go out by half the growth, corners mitred, the whole spread in x and between the
   // zones in y.
   std::vector<Point> offsets() const {
-    std::vector<Weighed> widths;
-    for (const StrokeEdge& edge : shape_.edges()) {
-      if (is_sure(edge)) widths.push_back({edge.thickness(), 1.0});
-    }
-    const double usual = widths.empty() ? stem_ : median(widths);
     std::vector<double> half;
     for (int i = 0; i < shape_.size(); ++i) {
-      StrokePlace place = place_of(shape_[i], index_);
-      place.thickness = usual;
-      half.push_back(0.5 * (is_sure(shape_[i]) ? growth(i).value : growth_at(model_, place).value));
+      const StrokeEdge& edge = shape_[i];
+      // The ends of strokes go out as far as the side of one across them would.
+      StrokePlace place = place_of(edge, index_);
+      const double c2 = squared(std::cos(edge.direction));
+      place.thickness = letters_.upright.thickness * c2 + letters_.level.thickness * (1.0 - c2);
+      half.push_back(0.5 * (is_sure(edge) ? growth(i).value : growth_at(model_, place).value));
     }
     std::vector<Point> offset;
     int highest = 0;
