@@ -917,13 +917,14 @@ using Folds = std::vector<std::vector<Fold>>;  // by contour and segment
 // A shape, and what the model says of each of its edges.
 class Application {
  public:
-  Application(const Contours& contours, int letters, const WeightModel& model)
+  Application(const Contours& contours, int letters, const WeightModel& model, double widening)
       : contours_(contours),
         shape_(contours, curve_step, line_step),
         model_(model),
         index_(letters),
         letters_(model.letters[static_cast<std::size_t>(letters)]),
-        stem_(letters_.upright.thickness) {
+        stem_(letters_.upright.thickness),
+        stretch_(widening * letters_.upright.growth / std::max(box_width(shape_), 1.0)) {
     for (const StrokeEdge& edge : shape_.edges()) {
       Growth growth = growth_at(model, place_of(edge, letters));
       growth.value *= crowded(shape_, edge, letters_.room);
@@ -980,8 +981,8 @@ class Application {
         const StrokeEdge& other = shape_[j];
         const double width = edge.gap_x.distance;
         const double law = counter_growth_at(model_, index_, width, (edge.is_line ? 0 : 1) + (other.is_line ? 0 : 1));
-        const double grown =
-            std::max(law - 0.5 * (growth(i).value + growth(j).value) + letters_.upright.growth, -0.8 * width);
+        const double grown = std::max(
+            law - 0.5 * (growth(i).value + growth(j).value) + letters_.upright.growth + stretch_ * width, -0.8 * width);
         const double facing = std::pow(std::abs(edge.normal.x() * other.normal.x()), 16);
         const double sign = edge.normal.x() < 0.0 ? -1.0 : 1.0;
         wishes.add({{on(wishes, edge.gap_x), Point(sign, 0)}, {own, Point(-sign, 0)}}, grown,
@@ -1059,7 +1060,7 @@ class Application {
     for (int i = 0; i < shape_.size(); ++i) {
       const Point& p = shape_[i].start;
       const double t = high > low ? (p.y() - low) / (high - low) : 0.5;
-      offset[static_cast<std::size_t>(i)] += Point(letters_.spread * p.x(), bottom + (top - bottom) * t);
+      offset[static_cast<std::size_t>(i)] += Point((letters_.spread + stretch_) * p.x(), bottom + (top - bottom) * t);
     }
     return offset;
   }
@@ -1154,6 +1155,7 @@ class Application {
   int index_;
   const Letters& letters_;
   double stem_;
+  double stretch_;
   std::vector<Growth> growth_;
 };
 
@@ -1337,7 +1339,7 @@ Weighted apply_weight(const std::vector<BezierContour>& contours, LetterClass le
   const double unit = units_per_em / 1000.0;
   Weighted result{contours, 0.0, 0, 0.0, 0.0};
   const Contours own = in_thousandths(contours, units_per_em);
-  const Application application(own, letters, model);
+  const Application application(own, letters, model, options.widening);
   if (options.amount == 0.0 || application.shape().size() == 0) return result;
 
   OutlineRules rules;

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <map>
 #include <span>
 #include <string>
 #include <vector>
@@ -73,7 +74,10 @@ struct WeightModel {
   };
 
   std::array<Letters, 2> letters;  ///< by LetterClass
-  std::vector<Zone> top;           ///< rising
+  /// What other families say of single letters, by name: how much wider they grow than the model says, in growths of
+  /// an upright stroke. Whoever applies the model knows the names.
+  std::map<std::string, double> widening;
+  std::vector<Zone> top;  ///< rising
   std::vector<Zone> bottom;
   std::vector<Control> controls;
 };
@@ -89,6 +93,7 @@ WeightModel learn_weight(std::span<const WeightPair> pairs, double units_per_em)
 
 struct WeightOptions {
   double amount = 1.0;        ///< of the learnt step, -1 to 2; 0 is the identity
+  double widening = 0.0;      ///< of the shape beyond what the model says, in growths of an upright stroke
   double italic_angle = 0.0;  ///< what vertical means for lines and extrema, radians leaning right
 };
 

@@ -148,6 +148,23 @@ std::vector<WeightModel::Zone> read_zones(const Reader& reader, const char* key)
   return zones;
 }
 
+// How much wider letters grow, by name.
+std::map<std::string, double> read_letters(const Reader& reader, const char* key) {
+  std::map<std::string, double> letters;
+  if (!reader.at(key).is_object()) throw RequestError(reader.where(key) + ": an object is expected");
+  for (const auto& [name, value] : reader.at(key).items()) {
+    letters[name] = Reader::number_of(value, reader.where(key) + ": " + name);
+    if (std::abs(letters[name]) > 3.0) throw RequestError(reader.where(key) + ": " + name + ": at most 3 is expected");
+  }
+  return letters;
+}
+
+Json letters_json(const std::map<std::string, double>& letters) {
+  Json json = Json::object();
+  for (const auto& [name, widening] : letters) json[name] = short_number(widening);
+  return json;
+}
+
 Json zones_json(const std::vector<WeightModel::Zone>& zones) {
   Json list = Json::array();
   for (const WeightModel::Zone& zone : zones) {
@@ -157,6 +174,7 @@ Json zones_json(const std::vector<WeightModel::Zone>& zones) {
 }
 
 constexpr const char* format_name = "glyphwave weight model";
+constexpr const char* prior_name = "glyphwave weight prior";
 constexpr std::array<const char*, 2> class_names{"lower_case", "capitals"};
 
 fontcore::Box box_of(const Contours& contours) {
@@ -258,6 +276,7 @@ std::string weight_json(const WeightModel& model) {
   }
   json["top"] = zones_json(model.top);
   json["bottom"] = zones_json(model.bottom);
+  json["widening"] = letters_json(model.widening);
   json["controls"] = controls;
   return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
@@ -271,7 +290,7 @@ WeightModel parse_weight(const std::string& source, const std::string& name) {
   }
   const Reader reader(json, name,
                       {"format", "version", "unit", "directions", "thicknesses", "widths", class_names[0],
-                       class_names[1], "top", "bottom", "controls"});
+                       class_names[1], "top", "bottom", "widening", "controls"});
   if (reader.at("format") != format_name || reader.at("version") != 1 || reader.at("unit") != "em/1000") {
     throw RequestError(name + ": no weight model of this version");
   }
@@ -305,6 +324,7 @@ WeightModel parse_weight(const std::string& source, const std::string& name) {
   }
   model.top = read_zones(reader, "top");
   model.bottom = read_zones(reader, "bottom");
+  model.widening = read_letters(reader, "widening");
   for (const nlohmann::json& item : reader.list("controls")) {
     const Reader control(item, text(reader.where("controls"), " ", model.controls.size()),
                          {"name", "used", "thickness_error", "width_error"});
@@ -322,6 +342,112 @@ int ReweightResult::changed() const {
 
 int ReweightResult::refused() const {
   return static_cast<int>(std::ranges::count_if(glyphs, [](const ReweightedGlyph& g) { return !g.refused.empty(); }));
+}
+
+namespace {
+
+constexpr double even_contrast = 0.3;  // level strokes thinner than upright ones by more than this share are contrasted
+
+bool is_contrasted(const WeightModel& model) {
+  const WeightModel::Letters& letters = model.letters[0];
+  return 1.0 - letters.level.thickness / letters.upright.thickness > even_contrast;
+}
+
+double width_of(const Contours& contours) {
+  const fontcore::Box box = box_of(contours);
+  return box.is_empty() ? 0.0 : box.high.x() - box.low.x();
+}
+
+// The widening of a glyph by its characters, the first that has one.
+double widening_of(const Font& font, int glyph, const WeightModel& model) {
+  for (const auto& [letter, widening] : model.widening) {
+    const auto character = as_character(letter);
+    if (!character) continue;
+    const auto found = font.character_map.find(*character);
+    if (found != font.character_map.end() && found->second == glyph) return widening;
+  }
+  return 0.0;
+}
+
+}  // namespace
+
+WeightPrior learn_prior(const std::vector<WeightFamily>& families, const std::string& controls) {
+  const std::string alphabet = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ";
+  const std::vector<std::string> seen = split(controls);
+  std::array<std::map<std::string, std::vector<double>>, 2> missing;
+  std::array<int, 2> count{};
+  WeightPrior prior;
+  for (const WeightFamily& family : families) {
+    const WeightModel model = learn_weight(family.from, family.to, controls);
+    const auto kind = static_cast<std::size_t>(is_contrasted(model) ? 1 : 0);
+    const double to_units = static_cast<double>(family.from.units_per_em) / family.to.units_per_em;
+    for (const char character : alphabet) {
+      const std::string letter(1, character);
+      if (std::ranges::find(seen, letter) != seen.end()) continue;
+      const auto from = family.from.character_map.find(static_cast<char32_t>(character));
+      const auto to = family.to.character_map.find(static_cast<char32_t>(character));
+      if (from == family.from.character_map.end() || to == family.to.character_map.end()) continue;
+      const LetterClass letter_class = letter_class_of(family.from, from->second);
+      const fontcore::Weighted made =
+          apply_weight(compose(family.from, from->second), letter_class, model, family.from.units_per_em);
+      const double growth = model.letters[letter_class == LetterClass::Capital ? 1 : 0].upright.growth *
+                            family.from.units_per_em / 1000.0;
+      if (made.amount != 1.0 || growth <= 0.0) continue;
+      missing[kind][letter].push_back((to_units * width_of(compose(family.to, to->second)) - width_of(made.contours)) /
+                                      growth);
+    }
+    ++count[kind];
+    prior.families.push_back(family.name);
+  }
+  for (const std::size_t kind : {std::size_t{0}, std::size_t{1}}) {
+    const double sure = count[kind] / (count[kind] + 2.0) * (kind == 1 ? 1.0 / 3.0 : 1.0);
+    for (auto& [letter, list] : missing[kind]) {
+      if (list.size() < 2) continue;
+      std::ranges::sort(list);
+      const std::size_t half = list.size() / 2;
+      const double median = list.size() % 2 == 1 ? list[half] : 0.5 * (list[half - 1] + list[half]);
+      (kind == 1 ? prior.contrasted : prior.even)[letter] = std::round(1e3 * sure * median) / 1e3;
+    }
+  }
+  return prior;
+}
+
+std::string prior_json(const WeightPrior& prior) {
+  const Json json = {{"format", prior_name},
+                     {"version", 1},
+                     {"families", prior.families},
+                     {"even", letters_json(prior.even)},
+                     {"contrasted", letters_json(prior.contrasted)}};
+  return json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+}
+
+WeightPrior parse_prior(const std::string& source, const std::string& name) {
+  nlohmann::json json;
+  try {
+    json = nlohmann::json::parse(source);
+  } catch (const nlohmann::json::exception& error) {
+    throw RequestError(name + ": " + error.what());
+  }
+  const Reader reader(json, name, {"format", "version", "families", "even", "contrasted"});
+  if (reader.at("format") != prior_name || reader.at("version") != 1) {
+    throw RequestError(name + ": no weight prior of this version");
+  }
+  WeightPrior prior;
+  for (const nlohmann::json& family : reader.list("families")) {
+    if (!family.is_string()) throw RequestError(reader.where("families") + ": texts are expected");
+    prior.families.push_back(family.get<std::string>());
+  }
+  prior.even = read_letters(reader, "even");
+  prior.contrasted = read_letters(reader, "contrasted");
+  return prior;
+}
+
+void take_prior(WeightModel& model, const WeightPrior& prior) {
+  model.widening = is_contrasted(model) ? prior.contrasted : prior.even;
+  // What a control letter has shown stands.
+  for (const WeightModel::Control& control : model.controls) {
+    if (control.used) model.widening.erase(control.name);
+  }
 }
 
 Contours reweight_glyph(const Font& font, int id, const WeightModel& model, const ReweightOptions& options,
@@ -342,11 +468,12 @@ Contours reweight_glyph(const Font& font, int id, const WeightModel& model, cons
     report.crossings_before = report.crossings_after = static_cast<int>(before.size());
     const double italic_angle = options.italic_angle * std::numbers::pi / 180.0;
     const LetterClass letter_class = letter_class_of(font, id);
+    const double widening = widening_of(font, id, model);
     // Whole numbers may add what the step itself did not: less of it then.
     for (const double share : {1.0, 0.98, 0.95, 0.9, 0.8, 0.65, 0.5}) {
       const fontcore::Weighted weighted =
           apply_weight(outline, letter_class, model, font.units_per_em,
-                       {.amount = share * options.amount, .italic_angle = italic_angle});
+                       {.amount = share * options.amount, .widening = widening, .italic_angle = italic_angle});
       if (weighted.amount == 0.0) break;
       const fontcore::Box old = box_of(outline);
       const fontcore::Box box = box_of(weighted.contours);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -21,6 +22,31 @@ fontcore::LetterClass letter_class_of(const Font& font, int glyph);
 /// Throws  RequestError naming a control letter that a font lacks or that has no outline; InvalidInput as
 ///         `fontcore::learn_weight` does; FontReadError as `compose` does.
 fontcore::WeightModel learn_weight(const Font& from, const Font& to, const std::string& controls);
+
+/// What other families say of single letters: how much wider they grow than a model learnt from controls says, in
+/// growths of an upright stroke, for families whose strokes are about as thick as each other and for contrasted ones.
+struct WeightPrior {
+  std::map<std::string, double> even;
+  std::map<std::string, double> contrasted;
+  std::vector<std::string> families;  ///< that it was learnt from
+};
+/// A pair of fonts that a prior is learnt from.
+struct WeightFamily {
+  std::string name;
+  Font from;
+  Font to;
+};
+/// Learns a prior: of every letter a to z and A to Z that is no control the median over the families of a kind, times
+/// n / (n + 2) for n families, and a third of that where strokes are contrasted, since they agree less. Letters seen in
+/// one family only are left out.
+///
+/// Throws  as `learn_weight`.
+WeightPrior learn_prior(const std::vector<WeightFamily>& families, const std::string& controls);
+/// The prior as JSON text and back, as `weight_json` and `parse_weight`.
+std::string prior_json(const WeightPrior& prior);
+WeightPrior parse_prior(const std::string& json, const std::string& name);
+/// Gives a model what the prior says for its kind.
+void take_prior(fontcore::WeightModel& model, const WeightPrior& prior);
 
 /// The model as JSON text and back: lengths in thousandths of the em, a table's innermost lists by thickness, their
 /// lists by direction, straight strokes before round ones. Same model, same bytes.

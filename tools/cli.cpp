@@ -81,7 +81,6 @@ struct Options {
   commands::SimplifyRequest simplify;
   commands::LearnWeightRequest learn_weight;
   commands::ApplyWeightRequest apply_weight;
-  std::string prior;
   std::string advance;
   commands::ConvertRequest convert;
   commands::ProofRequest proof;
@@ -150,10 +149,10 @@ constexpr std::array<Command, 9> table{{
        app.add_option("BOLD", options.learn_weight.bold, "the other weight")->required();
        app.add_option("--control", options.learn_weight.controls, "letters to learn from: n,o,H,O")->required();
        add_output(app, options, "the model, JSON")->required();
-       app.add_option("--prior", options.prior, "none: nothing is known but the letters");
+       app.add_option("--prior", options.learn_weight.prior,
+                      "what weight_prior has learnt from other families, JSON; or none");
      },
      [](const Options& options) {
-       if (!options.prior.empty() && options.prior != "none") refuse("weight learn --prior " + options.prior);
        commands::LearnWeightRequest learn = options.learn_weight;
        learn.output = options.output;
        return commands::learn_weight(options.request, learn);

@@ -61,7 +61,8 @@ Outcome simplify(const Request& request, const SimplifyRequest& simplify);
 
 struct LearnWeightRequest {
   std::string bold;
-  std::string controls;  ///< characters or glyph names, comma separated
+  std::string controls;        ///< characters or glyph names, comma separated
+  std::string prior = "none";  ///< what other families say of single letters: a file, or none
   std::string output;
 };
 Outcome learn_weight(const Request& request, const LearnWeightRequest& learn);

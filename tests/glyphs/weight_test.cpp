@@ -220,3 +220,34 @@ TEST_CASE("control letters that a font lacks are refused by name", "[weight]") {
   CHECK(why("") == "--control: letters are expected: n,o,H,O");
   CHECK(why("n,o").empty());
 }
+
+TEST_CASE("a prior says how single letters differ in other families, and a control letter overrules it", "[weight]") {
+  const std::vector<WeightFamily> families = {
+      {"Open Sans", load_font(open_sans.regular), load_font(open_sans.bold)},
+      {"Cabin", load_font(cabin.regular), load_font(cabin.bold)},
+      {"Liberation Serif", load_font(liberation_serif.regular), load_font(liberation_serif.bold)}};
+  const WeightPrior prior = learn_prior(families, four);
+  CHECK(prior.families == std::vector<std::string>{"Open Sans", "Cabin", "Liberation Serif"});
+  CHECK(prior.even.contains("k"));
+  CHECK_FALSE(prior.even.contains("n"));
+  CHECK(prior.contrasted.empty());  // of one family nothing is known
+  CHECK(prior_json(parse_prior(prior_json(prior), "p.json")) == prior_json(prior));
+  CHECK_THROWS_AS(parse_prior(R"({"format": "glyphwave weight prior"})", "p.json"), RequestError);
+
+  const Font& font = families[0].from;
+  WeightModel model = model_of(open_sans, "n,o,k");
+  take_prior(model, prior);
+  CHECK_FALSE(model.widening.contains("k"));
+  CHECK(model.widening.contains("C"));
+  CHECK(weight_json(parse_weight(weight_json(model), "m.json")) == weight_json(model));
+
+  // Widened by a stem's growth a letter is as much wider, and its strokes are as they were.
+  const auto width = [&](double widening) {
+    model.widening["E"] = widening;
+    ReweightedGlyph report;
+    const auto made = reweight_glyph(font, glyph_of(font, 'E'), model, {}, report);
+    return tight_box(made[0]).high.x() - tight_box(made[0]).low.x();
+  };
+  const double growth = model.letters[1].upright.growth * font.units_per_em / 1000.0;
+  CHECK(width(0.5) - width(0.0) == Approx(0.5 * growth).epsilon(0.3));
+}

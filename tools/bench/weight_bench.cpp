@@ -2,6 +2,7 @@
 // symmetric difference to the Bold's as a share of its area, at the best of 15 horizontal shifts, and the area error.
 //
 //   weight_bench REGULAR BOLD [LETTERS] [--amount-from LETTERS MODEL_REGULAR MODEL_BOLD]
+//   weight_bench REGULAR BOLD LETTERS --prior PRIOR.json
 //
 // With --amount-from the step is learnt from another pair, and its amount fitted on the first letters of REGULAR and
 // BOLD.
@@ -121,20 +122,25 @@ std::string as_list(const std::string& letters) {
 }
 
 int run(const std::vector<std::string>& arguments) {
+  const bool has_prior = arguments.size() == 5 && arguments[3] == "--prior";
   const bool has_other = arguments.size() == 7 && arguments[3] == "--amount-from";
-  if (arguments.size() != 2 && arguments.size() != 3 && !has_other) {
+  if (arguments.size() != 2 && arguments.size() != 3 && !has_other && !has_prior) {
     std::fprintf(stderr,
                  "weight_bench REGULAR BOLD [LETTERS]\n"
+                 "weight_bench REGULAR BOLD LETTERS --prior PRIOR.json\n"
                  "weight_bench REGULAR BOLD LETTERS --amount-from FITTED MODEL_REGULAR MODEL_BOLD\n");
     return 2;
   }
   const Font regular = glyphs::load_font(arguments[0]);
   const Font bold = glyphs::load_font(arguments[1]);
   const std::string controls = arguments.size() > 2 ? arguments[2] : "noHO";
-  const fontcore::WeightModel model =
-      has_other
-          ? glyphs::learn_weight(glyphs::load_font(arguments[5]), glyphs::load_font(arguments[6]), as_list(controls))
-          : glyphs::learn_weight(regular, bold, as_list(controls));
+  fontcore::WeightModel model = has_other ? glyphs::learn_weight(glyphs::load_font(arguments[5]),
+                                                                 glyphs::load_font(arguments[6]), as_list(controls))
+                                          : glyphs::learn_weight(regular, bold, as_list(controls));
+  if (has_prior) {
+    const glyphs::Bytes bytes = glyphs::read_file(arguments[4]);
+    take_prior(model, glyphs::parse_prior({bytes.begin(), bytes.end()}, arguments[4]));
+  }
   double amount = 1.0;
   std::string seen = controls;
   if (has_other) {
