@@ -28,4 +28,6 @@
 #include "fontcore/analogy.h"
 #include "fontcore/place.h"
 #include "fontcore/character.h"
+#include "fontcore/stroke.h"
+#include "fontcore/weight.h"
 // clang-format on

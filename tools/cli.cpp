@@ -80,6 +80,9 @@ struct Options {
   commands::RestyleRequest restyle;
   commands::FamilyRequest family;
   commands::SimplifyRequest simplify;
+  commands::LearnWeightRequest learn_weight;
+  commands::ApplyWeightRequest apply_weight;
+  std::string advance;
   commands::ConvertRequest convert;
   commands::ProofRequest proof;
   commands::ExtractRequest extract;
@@ -131,7 +134,7 @@ Outcome restyle_family(const Options& options) {
   return commands::restyle_family(options.request, request);
 }
 
-constexpr std::array<Command, 10> table{{
+constexpr std::array<Command, 12> table{{
     {"inspect", "per glyph and contour: points, segments, corners, model, area, length", [](CLI::App&, Options&) {},
      [](const Options& options) { return commands::inspect(options.request); }},
     {"restyle",
@@ -243,6 +246,37 @@ constexpr std::array<Command, 10> table{{
        restyle.output = options.output;
        return commands::repeat_character(options.request, options.repeat, restyle);
      }},
+    {"weight learn", "the step from a weight to another, from a few letters drawn in both",
+     [](CLI::App& app, Options& options) {
+       app.add_option("BOLD", options.learn_weight.bold, "the other weight")->required();
+       app.add_option("--control", options.learn_weight.controls, "letters to learn from: n,o,H,O")->required();
+       add_output(app, options, "the model, JSON")->required();
+       app.add_option("--prior", options.learn_weight.prior,
+                      "what weight_prior has learnt from other families, JSON; or none");
+     },
+     [](const Options& options) {
+       commands::LearnWeightRequest learn = options.learn_weight;
+       learn.output = options.output;
+       return commands::learn_weight(options.request, learn);
+     }},
+    {"weight apply", "a learnt step put on glyphs of the same or another family",
+     [](CLI::App& app, Options& options) {
+       app.add_option("MODEL", options.apply_weight.model, "what weight learn has written")->required();
+       add_output(app, options, "the new font, .ttf, .otf or .ufo as FONT; may be FONT itself")->required();
+       app.add_option("--amount", options.apply_weight.amount,
+                      "of the step, -1 to 2; 1 unless given, 0 changes nothing");
+       app.add_option("--italic-angle", options.apply_weight.italic_angle,
+                      "what vertical means, degrees leaning right");
+       app.add_option("--advance", options.advance, "keep: advances stay");
+       app.add_option("--report", options.apply_weight.report, "what became of every glyph, JSON");
+       app.add_flag("--strict", options.apply_weight.strict, "any refused glyph: exit status 1 and no output");
+     },
+     [](const Options& options) {
+       if (!options.advance.empty() && options.advance != "keep") refuse("weight apply --advance " + options.advance);
+       commands::ApplyWeightRequest apply = options.apply_weight;
+       apply.output = options.output;
+       return commands::apply_weight(options.request, apply);
+     }},
     {"convert", "a font as another kind of file: TrueType as OpenType and back, either as a UFO, one glyph as an SVG",
      [](CLI::App& app, Options& options) {
        app.add_option("OUT", options.convert.output, "the new file, .otf, .ttf, .ufo or .svg")->required();
@@ -271,6 +305,7 @@ constexpr std::array<Command, 10> table{{
 const std::map<std::string, std::string> kinds = {
     {"area", "areas of glyphs"},
     {"character", "detail below a feature size, taken from one place and put elsewhere"},
+    {"weight", "a step of weight learnt from a few letters and put on others"},
 };
 
 void add_common_options(CLI::App& app, Options& options) {
@@ -339,7 +374,6 @@ int run_program(int count, char** arguments) {
     });
   };
   for (const char* later : {"check", "audit"}) refuse_later(app.get_subcommand("area"), later, text("area ", later));
-  refuse_later(&app, "weight", "weight");
 
   try {
     app.parse(count, arguments);

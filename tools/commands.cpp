@@ -19,6 +19,7 @@
 #include "glyphs/safe_file.h"
 #include "glyphs/simplify.h"
 #include "glyphs/ufo.h"
+#include "glyphs/weight.h"
 
 namespace commands {
 
@@ -637,6 +638,82 @@ Outcome simplify(const Request& request, const SimplifyRequest& simplify) {
   glyphs::write_files(files);
   if (request.json) return {report, "", 0};
   return {request.quiet ? "" : simplify_summary(request, simplify, font, result), "", 0};
+}
+
+Outcome learn_weight(const Request& request, const LearnWeightRequest& learn) {
+  const bool has_prior = learn.prior != "none";
+  check_outputs({request.font, learn.bold, has_prior ? learn.prior : ""}, {learn.output});
+  if (request.text || !request.glyphs.empty()) throw RequestError("weight learn: --control says which letters");
+  const Font regular = load(request);
+  const Font bold = glyphs::load_font(learn.bold);
+  fontcore::WeightModel model = glyphs::learn_weight(regular, bold, learn.controls);
+  if (has_prior) {
+    const glyphs::Bytes bytes = glyphs::read_file(learn.prior);
+    take_prior(model, glyphs::parse_prior({bytes.begin(), bytes.end()}, learn.prior));
+  }
+  const std::string json = glyphs::weight_json(model);
+  glyphs::write_files({{learn.output, {json.begin(), json.end()}}});
+  if (request.json) return {json, "", 0};
+  if (request.quiet) return {};
+  std::string out;
+  for (const auto& [name, letters] :
+       {std::pair("lower case", model.letters[0]), std::pair("capitals", model.letters[1])}) {
+    out += text(name, ": stems ", rounded(letters.upright.thickness, 3), " + ", rounded(letters.upright.growth, 3),
+                ", bars ", rounded(letters.level.thickness, 3), " + ", rounded(letters.level.growth, 3),
+                " thousandths of the em\n");
+  }
+  for (const fontcore::WeightModel::Control& control : model.controls) {
+    out += control.used
+               ? text("control letter ", control.name, ": strokes off by ", rounded(control.thickness_error, 2),
+                      ", width by ", rounded(control.width_error, 2), " thousandths of the em\n")
+               : text("control letter ", control.name, ": left out, its contours do not pair up\n");
+  }
+  return {out + "written: " + learn.output + "\n", "", 0};
+}
+
+Outcome apply_weight(const Request& request, const ApplyWeightRequest& apply) {
+  glyphs::file_kind(apply.output);  // a wrong ending is refused before anything is read
+  check_outputs({apply.model}, {apply.output, apply.report});
+  check_outputs({request.font}, {apply.report});
+  glyphs::ReweightOptions options{
+      .amount = apply.amount, .italic_angle = apply.italic_angle, .only = {}, .jobs = request.jobs};
+  const glyphs::Bytes bytes = glyphs::read_file(apply.model);
+  const fontcore::WeightModel model = glyphs::parse_weight({bytes.begin(), bytes.end()}, apply.model);
+  const Font font = load(request);
+  glyphs::require_kind(font, apply.output);
+  if (request.text || !request.glyphs.empty()) options.only = selected(request, font);
+  glyphs::ReweightResult result = naming(request.font, [&] { return glyphs::reweight(font, model, options); });
+  std::vector<std::string> refused;
+  std::vector<std::string> reduced;
+  for (const glyphs::ReweightedGlyph& glyph : result.glyphs) {
+    if (!glyph.refused.empty()) refused.push_back(glyph.name + " (" + glyph.refused + ")");
+    if (glyph.changed && std::abs(glyph.amount) < std::abs(apply.amount)) {
+      reduced.push_back(glyph.name + " (" + rounded(glyph.amount, 3) + ")");
+    }
+  }
+  if (apply.strict && (!refused.empty() || !result.font.emptied.empty())) {
+    return {"", text(request.font, ": ", count(refused.size(), "glyph"), " refused, nothing written: ", few(refused)),
+            1};
+  }
+  const bool has_report = request.json || !apply.report.empty();
+  const std::string report = has_report ? glyphs::reweight_json(font, options, result) : std::string();
+  std::vector<glyphs::PendingFile> files;
+  if (!apply.report.empty()) files.push_back({apply.report, {report.begin(), report.end()}});
+  files.push_back({apply.output, std::move(result.font.data), std::move(result.font.folder)});
+  glyphs::write_files(files);
+  if (request.json) return {report, "", 0};
+  if (request.quiet) return {};
+  std::string out = text(request.font, ": ", result.changed(), " of ", count(result.glyphs.size(), "selected glyph"),
+                         " in another weight, advances kept\n");
+  if (!refused.empty()) out += "left as they were: " + few(refused) + "\n";
+  if (!reduced.empty()) out += "by less than was asked: " + few(reduced) + "\n";
+  out += what_changed(font, result.font);
+  if (!result.font.dropped_instructions.empty())
+    out += text("instructions dropped from ", count(result.font.dropped_instructions.size(), "glyph"), "\n");
+  if (!result.font.dropped_hints.empty())
+    out += text("hints dropped from ", count(result.font.dropped_hints.size(), "glyph"), "\n");
+  if (!apply.report.empty()) out += "written: " + apply.report + "\n";
+  return {out + "written: " + apply.output + "\n", "", 0};
 }
 
 Outcome convert(const Request& request, const ConvertRequest& convert) {

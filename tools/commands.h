@@ -112,6 +112,24 @@ struct SimplifyRequest {
 };
 Outcome simplify(const Request& request, const SimplifyRequest& simplify);
 
+struct LearnWeightRequest {
+  std::string bold;
+  std::string controls;        ///< characters or glyph names, comma separated
+  std::string prior = "none";  ///< what other families say of single letters: a file, or none
+  std::string output;
+};
+Outcome learn_weight(const Request& request, const LearnWeightRequest& learn);
+
+struct ApplyWeightRequest {
+  std::string model;
+  std::string output;
+  std::string report;  ///< empty: none
+  double amount = 1.0;
+  double italic_angle = 0.0;  ///< degrees leaning right
+  bool strict = false;
+};
+Outcome apply_weight(const Request& request, const ApplyWeightRequest& apply);
+
 struct ConvertRequest {
   std::string output;
   bool fractional = false;          ///< coordinates keep their fractions

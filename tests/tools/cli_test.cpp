@@ -149,7 +149,10 @@ TEST_CASE("misuse is one line and status 2", "[cli]") {
 }
 
 TEST_CASE("what this version does not have yet is refused by name", "[cli]") {
-  check_refusal(glyphwave({"weight", serif, "-o", "x.otf"}), {"weight", "not in this version"});
+  check_refusal(glyphwave({"weight", "learn", serif, serif, "--control", "n", "--prior", "p.json", "-o", "x.json"}),
+                {"p.json"});
+  check_refusal(glyphwave({"weight", "apply", serif, "m.json", "--advance", "learnt", "-o", "x.ttf"}),
+                {"weight apply --advance learnt", "not in this version"});
   check_refusal(glyphwave({"area", "check", "base.json", serif}), {"area check", "not in this version"});
   check_refusal(glyphwave({"area", "audit", serif}), {"area audit", "not in this version"});
   check_refusal(glyphwave({"inspect", serif, "--location", "wght=650"}), {serif, "is not variable"});
@@ -739,6 +742,35 @@ TEST_CASE("simplify writes the font with fewer segments, and a report of every g
   check_refusal(glyphwave({"simplify", serif, "-o", folder / "c.ttf", "--extrema", "some"}), {"--extrema", "keep"});
   check_refusal(glyphwave({"simplify", serif, "-o", folder / "c.ttf", "--tolerance", "-1"}), {"--tolerance"});
   check_refusal(glyphwave({"simplify", serif}), {"--output"});
+}
+
+TEST_CASE("weight is learnt from a pair of fonts and applied to one", "[cli]") {
+  const Folder folder;
+  const std::string bold = bundled_font("liberation-serif/LiberationSerif-Bold.ttf");
+  const std::string model = folder / "m.json";
+  const Run learnt =
+      glyphwave({"weight", "learn", serif, bold, "--control", "n,o,H,O", "--prior", "none", "-o", model});
+  CHECK(learnt.status == 0);
+  CHECK(learnt.out.find("control letter H") != std::string::npos);
+  CHECK(json::parse(contents(model)).at("controls").size() == 4);
+
+  const std::string made = folder / "made.ttf";
+  const Run applied = glyphwave({"weight", "apply", serif, model, "-o", made, "--glyphs", "a,e", "--report",
+                                 folder / "r.json", "--amount", "0.5"});
+  CHECK(applied.status == 0);
+  CHECK(applied.out.find("2 of 2 selected glyphs in another weight") != std::string::npos);
+  const json report = json::parse(contents(folder / "r.json"));
+  CHECK(report.at("changed") == 2);
+  for (const json& glyph : report.at("glyphs")) CHECK(glyph.at("area_after") != glyph.at("area_before"));
+
+  const std::string same = folder / "same.ttf";
+  CHECK(glyphwave({"weight", "apply", serif, model, "-o", same, "--amount", "0"}).status == 0);
+  CHECK(contents(same) == contents(serif));
+
+  check_refusal(glyphwave({"weight", "apply", serif, model, "-o", made, "--amount", "3"}), {"--amount 3"});
+  check_refusal(glyphwave({"weight", "apply", serif, model, "-o", model}), {model});
+  check_refusal(glyphwave({"weight", "learn", serif, bold, "--control", "n", "--glyphs", "n", "-o", model}),
+                {"--control"});
 }
 
 TEST_CASE("standard output that cannot be written is an error", "[cli]") {

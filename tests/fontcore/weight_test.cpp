@@ -1,0 +1,348 @@
+#include "fontcore/weight.h"
+
+#include <array>
+
+#include "fontcore/crossing.h"
+#include "fontcore/error.h"
+#include "fontcore/ink.h"
+#include "fontcore/measure.h"
+#include "fontcore/stroke.h"
+#include "tests/catch.h"
+#include "tests/shapes.h"
+
+using namespace fontcore;
+
+namespace {
+
+using Contours = std::vector<BezierContour>;
+
+constexpr double em = 1000.0;
+
+// An H of straight stems: stems `stem` thick, a bar `bar` thick, `counter` between the stems.
+Contours letter_h(double stem, double bar, double counter, double height) {
+  const double right = 2.0 * stem + counter;
+  const double low = 0.5 * (height - bar);
+  const double high = 0.5 * (height + bar);
+  return {shapes::polygon({{0, 0},
+                           {stem, 0},
+                           {stem, low},
+                           {stem + counter, low},
+                           {stem + counter, 0},
+                           {right, 0},
+                           {right, height},
+                           {stem + counter, height},
+                           {stem + counter, high},
+                           {stem, high},
+                           {stem, height},
+                           {0, height}})};
+}
+
+// A ring: an ellipse with an ellipse cut out.
+Contours letter_o(double stem, double bar, double width, double height, double overshoot) {
+  const auto ellipse = [&](double w, double low, double high) {
+    Affine map;
+    map.linear << w / 200.0, 0, 0, (high - low) / 200.0;
+    map.shift << 0.5 * width, 0.5 * (low + high);
+    return transform(shapes::circle(100), map);
+  };
+  return {ellipse(width, -overshoot, height + overshoot),
+          reverse(ellipse(width - 2.0 * stem, bar - overshoot, height + overshoot - bar))};
+}
+
+struct Weight {
+  double stem, bar, counter;
+};
+constexpr Weight regular{90, 76, 300};
+constexpr Weight bold{150, 110, 270};
+
+WeightPair pair_of(const char* name, LetterClass letter_class, Contours from, Contours to) {
+  return {name, letter_class, std::move(from), std::move(to), 600.0, 650.0};
+}
+
+// H, O, and an n and an o made alike, of a made face.
+std::vector<WeightPair> controls() {
+  const auto h = [](const Weight& w, double height) { return letter_h(w.stem, w.bar, w.counter, height); };
+  const auto o = [](const Weight& w, double height) {
+    return letter_o(w.stem, w.bar, 2.0 * w.stem + w.counter + 60.0, height, 12.0);
+  };
+  return {pair_of("n", LetterClass::LowerCase, h(regular, 520), h(bold, 530)),
+          pair_of("o", LetterClass::LowerCase, o(regular, 520), o(bold, 530)),
+          pair_of("H", LetterClass::Capital, h(regular, 700), h(bold, 700)),
+          pair_of("O", LetterClass::Capital, o(regular, 700), o(bold, 700))};
+}
+
+// A capital that was no control letter: an E.
+Contours letter_e(double stem, double bar, double width, double height) {
+  const double low = 0.5 * (height - bar);
+  const double high = 0.5 * (height + bar);
+  return {shapes::polygon({{0, 0},
+                           {width, 0},
+                           {width, bar},
+                           {stem, bar},
+                           {stem, low},
+                           {width - 40, low},
+                           {width - 40, high},
+                           {stem, high},
+                           {stem, height - bar},
+                           {width, height - bar},
+                           {width, height},
+                           {0, height}})};
+}
+
+double area_of(const Contours& contours) { return measure_ink(contours).area; }
+
+Weighted at_amount(const Contours& contours, double amount, LetterClass letter_class = LetterClass::Capital) {
+  static const WeightModel model = learn_weight(controls(), em);
+  return apply_weight(contours, letter_class, model, em, {.amount = amount});
+}
+
+Contours mapped(const Contours& contours, const Affine& map) {
+  Contours result;
+  for (const BezierContour& contour : contours) result.push_back(transform(contour, map));
+  return result;
+}
+
+Affine scaled(double factor) {
+  Affine map;
+  map.linear *= factor;
+  return map;
+}
+
+bool is_axis_parallel(const BezierContour& contour) {
+  for (int s = 0; s < contour.segment_count(); ++s) {
+    const Bezier line = contour.segment(s);
+    if (std::abs(line.start().x() - line.end().x()) > 1e-9 && std::abs(line.start().y() - line.end().y()) > 1e-9) {
+      return false;
+    }
+  }
+  return true;
+}
+
+}  // namespace
+
+TEST_CASE("an edge knows the thickness of its stroke and the gaps beside it", "[weight]") {
+  const StrokeEdges shape(letter_h(90, 70, 300, 700), 11.0, 22.0);
+  int stems = 0;
+  int bars = 0;
+  for (const StrokeEdge& edge : shape.edges()) {
+    CHECK(edge.is_visible);
+    // The left wall of the counter: a stem behind it, the other wall before it.
+    if (edge.middle.x() == Approx(90.0) && edge.normal.x() == Approx(1.0)) {
+      CHECK(edge.thickness() == Approx(90.0));
+      CHECK(edge.facing == Approx(1.0));
+      CHECK(edge.gap_x.distance == Approx(300.0));
+      ++stems;
+    }
+    if (edge.middle.y() == Approx(385.0) && edge.normal.y() == Approx(1.0)) {
+      CHECK(edge.thickness() == Approx(70.0));
+      CHECK_FALSE(edge.gap_y.exists());
+      ++bars;
+    }
+  }
+  CHECK(stems > 10);
+  CHECK(bars > 10);
+  CHECK(shape.stem(50.0) == Approx(90.0));
+}
+
+TEST_CASE("edges do not depend on the direction of contours", "[weight]") {
+  Contours there = letter_o(90, 70, 480, 700, 12);
+  Contours back;
+  for (const BezierContour& contour : there) back.push_back(reverse(contour));
+  const StrokeEdges a(there, 11.0, 22.0);
+  const StrokeEdges b(back, 11.0, 22.0);
+  REQUIRE(a.size() == b.size());
+  double sum_a = 0.0;
+  double sum_b = 0.0;
+  for (const StrokeEdge& edge : a.edges()) sum_a += edge.thickness();
+  for (const StrokeEdge& edge : b.edges()) sum_b += edge.thickness();
+  CHECK(sum_a == Approx(sum_b).epsilon(1e-9));
+}
+
+TEST_CASE("edges within the ink of another contour take no part", "[weight]") {
+  // A cross of two overlapping bars: the stem's walls inside the bar are hidden.
+  const Contours cross = {shapes::polygon({{100, 0}, {200, 0}, {200, 700}, {100, 700}}),
+                          shapes::polygon({{0, 300}, {300, 300}, {300, 400}, {0, 400}})};
+  const StrokeEdges shape(cross, 11.0, 22.0);
+  int hidden = 0;
+  for (const StrokeEdge& edge : shape.edges()) {
+    const bool is_inside = edge.contour == 0 && edge.middle.y() > 300.0 && edge.middle.y() < 400.0;
+    if (is_inside) CHECK_FALSE(edge.is_visible);
+    hidden += edge.is_visible ? 0 : 1;
+    if (edge.is_visible && edge.contour == 0 && std::abs(edge.normal.x()) > 0.5)
+      CHECK(edge.thickness() == Approx(100.0));
+  }
+  CHECK(hidden > 4);
+}
+
+TEST_CASE("stems, bars and heights of both weights are read off the control letters", "[weight]") {
+  const WeightModel model = learn_weight(controls(), em);
+  for (const WeightModel::Letters& letters : model.letters) {
+    CHECK(letters.upright.thickness == Approx(regular.stem).margin(1.0));
+    CHECK(letters.upright.growth == Approx(bold.stem - regular.stem).margin(1.5));
+    CHECK(letters.level.thickness == Approx(regular.bar).margin(2.0));
+    CHECK(letters.level.growth == Approx(bold.bar - regular.bar).margin(2.0));
+  }
+  const auto shift_at = [](const std::vector<WeightModel::Zone>& zones, double height) {
+    for (const WeightModel::Zone& zone : zones) {
+      if (std::abs(zone.height - height) < 3.0) return zone.shift;
+    }
+    return std::nan("");
+  };
+  CHECK(shift_at(model.top, 520.0) == Approx(10.0).margin(0.5));
+  CHECK(shift_at(model.top, 700.0) == Approx(0.0).margin(0.5));
+  CHECK(shift_at(model.bottom, 0.0) == Approx(0.0).margin(0.5));
+  for (const WeightModel::Control& control : model.controls) {
+    CHECK(control.used);
+    CHECK(control.thickness_error < 3.0);
+    CHECK(std::abs(control.width_error) < 6.0);
+  }
+}
+
+TEST_CASE("a control letter comes out as it was drawn", "[weight]") {
+  for (const WeightPair& pair : controls()) {
+    const Weighted made = at_amount(pair.from, 1.0, pair.letter_class);
+    CHECK(made.amount == 1.0);
+    CHECK(area_of(made.contours) == Approx(area_of(pair.to)).epsilon(0.02));
+    const Box box = tight_box(made.contours[0]);
+    const Box drawn = tight_box(pair.to[0]);
+    CHECK(box.high.y() == Approx(drawn.high.y()).margin(1.0));
+    CHECK(box.low.y() == Approx(drawn.low.y()).margin(1.0));
+    CHECK(box.high.x() - box.low.x() == Approx(drawn.high.x() - drawn.low.x()).margin(6.0));
+  }
+}
+
+TEST_CASE("a letter that was not drawn gets the stems and bars of those that were", "[weight]") {
+  const Contours e = letter_e(regular.stem, regular.bar, 420, 700);
+  const Weighted made = at_amount(e, 1.0);
+  const StrokeEdges shape(made.contours, 11.0, 22.0);
+  CHECK(shape.stem(100.0) == Approx(bold.stem).margin(4.0));
+  CHECK(area_of(made.contours) > area_of(e));
+}
+
+TEST_CASE("at amount 0 an outline comes back bit for bit", "[weight]") {
+  const Contours e = letter_e(90, 76, 420, 700);
+  CHECK(at_amount(e, 0.0).contours == e);
+  CHECK(at_amount(shapes::letter_a(), 0.0).contours == shapes::letter_a());
+}
+
+TEST_CASE("the outline moves evenly with the amount", "[weight]") {
+  const Contours e = letter_e(90, 76, 420, 700);
+  const Contours whole = at_amount(e, 1.0).contours;
+  for (const double amount : {-1.0, -0.3, 0.25, 0.5, 1.5}) {
+    const Weighted made = at_amount(e, amount);
+    REQUIRE(made.amount == amount);
+    for (std::size_t c = 0; c < e.size(); ++c) {
+      const Points wished = e[c].points() + amount * (whole[c].points() - e[c].points());
+      CHECK((made.contours[c].points() - wished).cwiseAbs().maxCoeff() < 1e-9);
+    }
+  }
+}
+
+TEST_CASE("bolder never takes ink away, lighter never adds any", "[weight]") {
+  const std::vector<Contours> letters = {letter_e(90, 76, 420, 700), letter_o(90, 76, 450, 700, 12),
+                                         letter_h(90, 76, 300, 700), mapped(shapes::letter_a(), scaled(1000.0 / 2048))};
+  for (const Contours& letter : letters) {
+    double before = area_of(letter);
+    for (const double amount : {0.1, 0.5, 1.0, 2.0}) {
+      const double area = area_of(at_amount(letter, amount).contours);
+      CHECK(area >= before);
+      before = area;
+    }
+    CHECK(area_of(at_amount(letter, -0.5).contours) <= area_of(letter));
+  }
+}
+
+TEST_CASE("structure, axis-parallel lines and extrema survive a change of weight", "[weight]") {
+  const Contours e = letter_e(90, 76, 420, 700);
+  const Weighted made = at_amount(e, 1.0);
+  CHECK(has_same_structure(made.contours[0], e[0]));
+  CHECK(is_axis_parallel(made.contours[0]));
+  const Contours ring = at_amount(letter_o(90, 76, 450, 700, 12), 1.0).contours;
+  for (const BezierContour& contour : ring) {
+    for (int s = 0; s < contour.segment_count(); ++s) {
+      for (const int axis : {0, 1}) {
+        const Bezier bezier = contour.segment(s);
+        for (const double u : extrema(bezier, axis)) {
+          const double low = std::min(bezier.start()[axis], bezier.end()[axis]);
+          const double high = std::max(bezier.start()[axis], bezier.end()[axis]);
+          CHECK(evaluate(bezier, u)[axis] > low - 0.3);
+          CHECK(evaluate(bezier, u)[axis] < high + 0.3);
+        }
+      }
+    }
+  }
+}
+
+TEST_CASE("a change of weight adds no crossing and closes no counter", "[weight]") {
+  // Counters that a bold stroke would fill: the amount is scaled back, and said to be.
+  const Contours narrow = letter_o(90, 76, 240, 700, 12);
+  const Weighted made = at_amount(narrow, 2.0);
+  CHECK(find_crossings(made.contours).empty());
+  CHECK(measure_ink(made.contours).counters.size() == 1);
+  CHECK(made.amount <= 2.0);
+  CHECK(area_of(made.contours) >= area_of(narrow));
+}
+
+TEST_CASE("a narrow notch that thick strokes would cross is kept open", "[weight]") {
+  // A V with a short flat foot in its crotch, which the strokes' inner sides would pass.
+  const Contours v = {
+      shapes::polygon({{0, 700}, {200, 0}, {290, 0}, {490, 700}, {395, 700}, {248, 150}, {242, 150}, {95, 700}})};
+  for (const double amount : {0.5, 1.0, 2.0}) {
+    const Weighted made = at_amount(v, amount);
+    CHECK(find_crossings(made.contours).empty());
+    CHECK(made.amount > 0.0);
+  }
+}
+
+TEST_CASE("a model fits any units per em", "[weight]") {
+  std::vector<WeightPair> large = controls();
+  for (WeightPair& pair : large) {
+    pair.from = mapped(pair.from, scaled(2.048));
+    pair.to = mapped(pair.to, scaled(2.048));
+  }
+  const WeightModel model = learn_weight(large, 2048.0);
+  const Contours e = letter_e(90, 76, 420, 700);
+  const Contours made = apply_weight(mapped(e, scaled(2.048)), LetterClass::Capital, model, 2048.0).contours;
+  const Contours small = at_amount(e, 1.0).contours;
+  CHECK((made[0].points() / 2.048 - small[0].points()).cwiseAbs().maxCoeff() < 0.1);
+}
+
+TEST_CASE("neither where a letter stands nor which way its contours run matters", "[weight]") {
+  const Contours e = letter_e(90, 76, 420, 700);
+  const Contours made = at_amount(e, 1.0).contours;
+  const Contours back = at_amount({reverse(e[0])}, 1.0).contours;
+  CHECK((reverse(back[0]).points() - made[0].points()).cwiseAbs().maxCoeff() < 0.5);
+  Affine aside;
+  aside.shift = Point(250, 0);
+  const Points there = at_amount(mapped(e, aside), 1.0).contours[0].points();
+  const Points apart = there - made[0].points();
+  CHECK((apart.rowwise() - apart.row(0)).cwiseAbs().maxCoeff() < 1e-6);
+}
+
+TEST_CASE("a point that draws nothing stays, and an empty shape is no error", "[weight]") {
+  Contours letter = letter_e(90, 76, 420, 700);
+  letter.push_back(shapes::polygon({{250, 800}}));
+  const Weighted made = at_amount(letter, 1.0);
+  CHECK(made.contours[1] == letter[1]);
+  CHECK(made.amount == 1.0);
+  CHECK(at_amount({}, 1.0).contours.empty());
+}
+
+TEST_CASE("a control letter whose contours do not pair up is left out and named", "[weight]") {
+  std::vector<WeightPair> pairs = controls();
+  pairs.push_back(pair_of("Q", LetterClass::Capital, letter_o(90, 76, 450, 700, 12), letter_h(150, 110, 270, 700)));
+  const WeightModel model = learn_weight(pairs, em);
+  REQUIRE(model.controls.size() == 5);
+  CHECK_FALSE(model.controls.back().used);
+  CHECK(model.controls.back().name == "Q");
+}
+
+TEST_CASE("weight refuses what it cannot mean", "[weight]") {
+  const WeightModel model = learn_weight(controls(), em);
+  const Contours e = letter_e(90, 76, 420, 700);
+  CHECK_THROWS_AS(learn_weight({}, em), InvalidInput);
+  CHECK_THROWS_AS(learn_weight(controls(), 0.0), InvalidInput);
+  CHECK_THROWS_AS(apply_weight(e, LetterClass::Capital, model, -1.0), InvalidInput);
+  CHECK_THROWS_AS(apply_weight(e, LetterClass::Capital, model, em, {.amount = 2.5}), InvalidInput);
+  CHECK_THROWS_AS(apply_weight(e, LetterClass::Capital, model, em, {.amount = std::nan("")}), InvalidInput);
+}

@@ -1,0 +1,253 @@
+#include "glyphs/weight.h"
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "fontcore/crossing.h"
+#include "fontcore/ink.h"
+#include "glyphs/error.h"
+#include "glyphs/recipe.h"
+#include "tests/bundled_fonts.h"
+#include "tests/catch.h"
+
+using namespace glyphs;
+using fontcore::BezierContour;
+using fontcore::LetterClass;
+using fontcore::WeightModel;
+
+namespace {
+
+const std::string four = "n,o,H,O";
+
+struct Family {
+  std::string regular, bold;
+};
+const Family open_sans{bundled_font("open-sans/OpenSans-Regular.ttf"), bundled_font("open-sans/OpenSans-Bold.ttf")};
+const Family liberation_serif{bundled_font("liberation-serif/LiberationSerif-Regular.ttf"),
+                              bundled_font("liberation-serif/LiberationSerif-Bold.ttf")};
+const Family cabin{bundled_font("cabin/Cabin-Regular.otf"), bundled_font("cabin/Cabin-Bold.otf")};
+
+WeightModel model_of(const Family& family, const std::string& controls = four) {
+  return learn_weight(load_font(family.regular), load_font(family.bold), controls);
+}
+
+int glyph_of(const Font& font, char letter) { return font.character_map.at(static_cast<char32_t>(letter)); }
+
+/// The font with the outlines of all but some letters gone.
+Font with_letters_only(Font font, const std::string& kept) {
+  std::vector<bool> stays(font.glyphs.size(), false);
+  for (const char letter : kept) stays[static_cast<std::size_t>(glyph_of(font, letter))] = true;
+  for (std::size_t i = 0; i < font.glyphs.size(); ++i) {
+    if (stays[i]) continue;
+    font.glyphs[i].contours.clear();
+    font.glyphs[i].components.clear();
+  }
+  return font;
+}
+
+bool is_whole(const BezierContour& contour) {
+  for (int i = 0; i < contour.point_count(); ++i) {
+    if (contour.kind(i) != fontcore::PointKind::ImpliedNode &&
+        contour.point(i) != fontcore::Point(contour.point(i).array().round())) {
+      return false;
+    }
+  }
+  return true;
+}
+
+std::string refusal(const std::string& json) {
+  try {
+    parse_weight(json, "m.json");
+  } catch (const RequestError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+}  // namespace
+
+TEST_CASE("a weight model is learnt from the control letters alone", "[weight]") {
+  for (const Family& family : {open_sans, liberation_serif, cabin}) {
+    CAPTURE(family.regular);
+    const std::string whole = weight_json(model_of(family));
+    const WeightModel alone = learn_weight(with_letters_only(load_font(family.regular), "noHO"),
+                                           with_letters_only(load_font(family.bold), "noHO"), four);
+    CHECK(weight_json(alone) == whole);
+  }
+}
+
+TEST_CASE("a weight model is small, names no file, and reads back as it was written", "[weight]") {
+  const std::string json = weight_json(model_of(liberation_serif));
+  CHECK(json.size() < 16384);
+  CHECK(json.find("Liberation") == std::string::npos);
+  CHECK(json.find('/') == json.find("/1000"));
+  CHECK(weight_json(parse_weight(json, "m.json")) == json);
+}
+
+TEST_CASE("a weight model that is none is refused by file and key", "[weight]") {
+  const nlohmann::json good = nlohmann::json::parse(weight_json(model_of(open_sans)));
+  CHECK(refusal(good.dump()).empty());
+  CHECK(refusal("{").starts_with("m.json: "));
+  CHECK(refusal("[]") == "m.json: an object is expected");
+  const auto changed = [&](const auto& change) {
+    nlohmann::json json = good;
+    change(json);
+    return refusal(json.dump());
+  };
+  CHECK(changed([](auto& j) { j["colour"] = 1; }) == "m.json: colour: unknown");
+  CHECK(changed([](auto& j) { j.erase("top"); }) == "m.json: top: missing");
+  CHECK(changed([](auto& j) { j["version"] = 2; }) == "m.json: no weight model of this version");
+  CHECK(changed([](auto& j) { j["capitals"]["upright"]["thickness"] = 0; }) ==
+        "m.json: capitals: upright: thickness: it must be positive");
+  CHECK(changed([](auto& j) { j["capitals"]["serif"] = "much"; }) ==
+        "m.json: capitals: serif: a number of at most a million is expected");
+  CHECK(changed([](auto& j) { j["lower_case"]["correction"][1].erase(0); }) ==
+        "m.json: lower_case: correction 1: a list of 7 is expected");
+  CHECK(changed([](auto& j) { j["widths"][0] = 21; }) == "m.json: widths: other places than those of this version");
+}
+
+TEST_CASE("letters in the learnt weight have the areas of those that were drawn", "[weight]") {
+  for (const Family& family : {open_sans, liberation_serif, cabin}) {
+    CAPTURE(family.regular);
+    const Font regular = load_font(family.regular);
+    const Font bold = load_font(family.bold);
+    const WeightModel model = learn_weight(regular, bold, four);
+    double sum = 0.0;
+    int count = 0;
+    for (const char letter : letters) {
+      if (four.find(letter) != std::string::npos) continue;
+      const int id = glyph_of(regular, letter);
+      ReweightedGlyph report;
+      const auto made = reweight_glyph(regular, id, model, {}, report);
+      CHECK(report.refused.empty());
+      const double unit = static_cast<double>(bold.units_per_em) / regular.units_per_em;
+      const double drawn = measure_ink(compose(bold, glyph_of(bold, letter))).area / (unit * unit);
+      sum += std::abs(measure_ink(made).area / drawn - 1.0);
+      ++count;
+    }
+    CHECK(sum / count < 0.035);
+  }
+}
+
+TEST_CASE("letters keep their structure, counters and simplicity in every weight", "[weight]") {
+  const Font font = load_font(liberation_serif.regular);
+  const WeightModel model = model_of(liberation_serif);
+  for (const double amount : {-0.5, 0.5, 1.0, 1.5}) {
+    for (const char letter : letters) {
+      CAPTURE(amount, letter);
+      const int id = glyph_of(font, letter);
+      const auto& before = font.glyphs[static_cast<std::size_t>(id)].contours;
+      if (before.empty()) continue;
+      ReweightOptions options;
+      options.amount = amount;
+      ReweightedGlyph report;
+      const auto after = reweight_glyph(font, id, model, options, report);
+      REQUIRE(after.size() == before.size());
+      for (std::size_t c = 0; c < after.size(); ++c) {
+        CHECK(has_same_structure(after[c], before[c]));
+        CHECK(is_whole(after[c]));
+      }
+      const auto crossings = find_crossings(before);
+      const auto crossings_after = find_crossings(after);
+      CHECK(added_crossings(crossings, crossings_after) == 0);
+      const fontcore::Ink ink = measure_ink(before, crossings);
+      const fontcore::Ink ink_after = measure_ink(after, crossings_after);
+      CHECK(closed_counters(ink, ink_after).empty());
+      CHECK((amount > 0.0 ? ink_after.area >= ink.area : ink_after.area <= ink.area));
+    }
+  }
+}
+
+TEST_CASE("a font at amount 0 is the file itself", "[weight]") {
+  for (const Family& family : {open_sans, cabin}) {
+    const Font font = load_font(family.regular);
+    ReweightOptions options;
+    options.amount = 0.0;
+    const ReweightResult result = reweight(font, model_of(family), options);
+    CHECK(result.changed() == 0);
+    CHECK(result.font.data == *font.data);
+  }
+}
+
+TEST_CASE("a font in another weight has the same bytes for every number of threads", "[weight]") {
+  const Font font = load_font(cabin.regular);
+  const WeightModel model = model_of(cabin);
+  ReweightOptions options;
+  options.only = select_glyphs(font, "U+0041-005A,U+0061-007A");
+  options.jobs.jobs = 1;
+  const ReweightResult one = reweight(font, model, options);
+  options.jobs.jobs = 3;
+  const ReweightResult three = reweight(font, model, options);
+  CHECK(one.font.data == three.font.data);
+  CHECK(one.changed() == 52);
+  CHECK(reweight_json(font, options, one) == reweight_json(font, options, three));
+}
+
+TEST_CASE("a step learnt in one family is put on another, in another unit", "[weight]") {
+  const Font other = load_font(cabin.regular);       // 2000 units per em
+  const Font source = load_font(open_sans.regular);  // 2048
+  const WeightModel model = model_of(open_sans);
+  const auto growth = [&](const Font& font, char letter) {
+    ReweightedGlyph report;
+    const auto made = reweight_glyph(font, glyph_of(font, letter), model, {}, report);
+    return measure_ink(made).area / measure_ink(font.glyphs[static_cast<std::size_t>(report.glyph)].contours).area;
+  };
+  for (const char letter : std::string("noHOaegs"))
+    CHECK(growth(other, letter) == Approx(growth(source, letter)).epsilon(0.1));
+}
+
+TEST_CASE("lower case is told from capitals and figures by characters", "[weight]") {
+  const Font font = load_font(open_sans.regular);
+  for (const char letter : std::string("xgn"))
+    CHECK(letter_class_of(font, glyph_of(font, letter)) == LetterClass::LowerCase);
+  for (const char letter : std::string("XGN07"))
+    CHECK(letter_class_of(font, glyph_of(font, letter)) == LetterClass::Capital);
+}
+
+TEST_CASE("control letters that a font lacks are refused by name", "[weight]") {
+  const Font regular = load_font(open_sans.regular);
+  const Font bold = load_font(open_sans.bold);
+  const auto why = [&](const std::string& controls) -> std::string {
+    try {
+      learn_weight(regular, bold, controls);
+    } catch (const RequestError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  CHECK(why("n,nosuchglyph").ends_with("control letter nosuchglyph: there is no such glyph"));
+  CHECK(why("n,space").ends_with("control letter space: it has no outline"));
+  CHECK(why("") == "--control: letters are expected: n,o,H,O");
+  CHECK(why("n,o").empty());
+}
+
+TEST_CASE("a prior says how single letters differ in other families, and a control letter overrules it", "[weight]") {
+  const std::vector<WeightFamily> families = {
+      {"Open Sans", load_font(open_sans.regular), load_font(open_sans.bold)},
+      {"Cabin", load_font(cabin.regular), load_font(cabin.bold)},
+      {"Liberation Serif", load_font(liberation_serif.regular), load_font(liberation_serif.bold)}};
+  const WeightPrior prior = learn_prior(families, four);
+  CHECK(prior.families == std::vector<std::string>{"Open Sans", "Cabin", "Liberation Serif"});
+  CHECK(prior.even.contains("k"));
+  CHECK_FALSE(prior.even.contains("n"));
+  CHECK(prior.contrasted.empty());  // of one family nothing is known
+  CHECK(prior_json(parse_prior(prior_json(prior), "p.json")) == prior_json(prior));
+  CHECK_THROWS_AS(parse_prior(R"({"format": "glyphwave weight prior"})", "p.json"), RequestError);
+
+  const Font& font = families[0].from;
+  WeightModel model = model_of(open_sans, "n,o,k");
+  take_prior(model, prior);
+  CHECK_FALSE(model.widening.contains("k"));
+  CHECK(model.widening.contains("C"));
+  CHECK(weight_json(parse_weight(weight_json(model), "m.json")) == weight_json(model));
+
+  // Widened by a stem's growth a letter is as much wider, and its strokes are as they were.
+  const auto width = [&](double widening) {
+    model.widening["E"] = widening;
+    ReweightedGlyph report;
+    const auto made = reweight_glyph(font, glyph_of(font, 'E'), model, {}, report);
+    return tight_box(made[0]).high.x() - tight_box(made[0]).low.x();
+  };
+  const double growth = model.letters[1].upright.growth * font.units_per_em / 1000.0;
+  CHECK(width(0.5) - width(0.0) == Approx(0.5 * growth).epsilon(0.3));
+}
