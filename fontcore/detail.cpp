@@ -432,7 +432,7 @@ std::vector<DetailSample> extract_detail(const OutlineArcs& outline, double scal
   std::vector<DetailSample> samples;
   for (std::size_t k = 0; k < outline.arcs().size(); ++k) {
     const bool is_closed = !outline.has_corner();
-    if (!is_closed && outline.arcs()[k].length < scale) continue;
+    if (outline.arcs()[k].length < scale) continue;
     const int arc = static_cast<int>(k);
     const auto points_at = [&](Index count) {
       return with_ink_on_left(points_along(outline, arc, count), is_closed, ink);

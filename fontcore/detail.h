@@ -103,8 +103,7 @@ DetailSample to_sample(const DetailBase& base, const Points& detail, DetailFrame
 /// The offsets at a place, by cubics between the steps: a closed sample goes on for ever; mirrored, from its end.
 Eigen::RowVector2d value_at(const DetailSample& sample, bool mirrors, double x);
 
-/// The detail below `scale` of every arc of an outline that has room for two fades of half the scale, and of a contour
-/// without corners.
+/// The detail below `scale` of every arc of an outline that is as long: it has room for two fades of half of it.
 ///
 /// Shape   samples with their shapes, of 24 to 256 steps to a scale, as the outline needs them; place "PLACE/ARC".
 /// Exact   a sample is its detail within 1e-4 of the scale, as far as those steps reach.
