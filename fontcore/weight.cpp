@@ -699,7 +699,8 @@ std::vector<StrokeRow> stroke_rows(const WeightModel& model, const Lesson& lesso
     // What bars would grow by with room beside them is a guess, the less worth the tighter they stand.
     const double kept = crowded(lesson.shape, edge, room);
     const double room_left = 1.0 - (1.0 - kept) / crowding;
-    rows.push_back({place_of(edge, lesson.letters), moves.growth(i) / kept, edge.length * squared(room_left), index});
+    rows.push_back(
+        {place_of(edge, lesson.letters), moves.growth(i) / kept, edge.length * squared(squared(room_left)), index});
   }
   return rows;
 }
@@ -786,8 +787,8 @@ constexpr double counter_weight = 0.03;
 constexpr double room_weight = 0.05;
 constexpr double zone_weight = 20.0;
 constexpr double smooth_weight = 40.0;
-constexpr double gradient_weight = 1.5;
-constexpr double place_weight = 0.005;
+constexpr double gradient_weight = 1.2;
+constexpr double place_weight = 0.006;
 constexpr double serif_weight = 5.0;
 constexpr double terminal_weight = 3.0;
 constexpr double least_deviation = 8.0;  // of a law's growth: letters differ
@@ -1203,13 +1204,20 @@ bool open_loop(const BezierContour& before, const BezierContour& after, const Cr
     is_halved = true;
   }
   if (is_halved) return true;
-  bool is_new = false;
+  // The shortest first: long sides are to turn with their strokes.
+  int shortest = -1;
+  double least = std::numeric_limits<double>::infinity();
   for (int k = first; k <= last; ++k) {
-    Fold& fold = folds[static_cast<std::size_t>((from + k) % n)];
-    is_new = is_new || fold != Fold::Rigid;
-    fold = fold < Fold::Whole ? Fold::Whole : Fold::Rigid;
+    const int s = (from + k) % n;
+    const double size = length(before.segment(s));
+    if (folds[static_cast<std::size_t>(s)] == Fold::Rigid || size >= least) continue;
+    least = size;
+    shortest = s;
   }
-  return is_new;
+  if (shortest < 0) return false;
+  Fold& fold = folds[static_cast<std::size_t>(shortest)];
+  fold = fold < Fold::Whole ? Fold::Whole : Fold::Rigid;
+  return true;
 }
 
 // How far a segment goes beyond its ends along an axis.

@@ -13,6 +13,7 @@
 #include "fontcore/measure.h"
 #include "fontcore/rounding.h"
 #include "glyphs/error.h"
+#include "latin_prior.h"
 
 namespace glyphs {
 
@@ -442,9 +443,10 @@ WeightPrior parse_prior(const std::string& source, const std::string& name) {
   return prior;
 }
 
+WeightPrior latin_prior() { return parse_prior(latin_prior_json, "latin.json"); }
+
 void take_prior(WeightModel& model, const WeightPrior& prior) {
   model.widening = is_contrasted(model) ? prior.contrasted : prior.even;
-  // What a control letter has shown stands.
   for (const WeightModel::Control& control : model.controls) {
     if (control.used) model.widening.erase(control.name);
   }

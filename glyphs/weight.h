@@ -45,7 +45,9 @@ WeightPrior learn_prior(const std::vector<WeightFamily>& families, const std::st
 /// The prior as JSON text and back, as `weight_json` and `parse_weight`.
 std::string prior_json(const WeightPrior& prior);
 WeightPrior parse_prior(const std::string& json, const std::string& name);
-/// Gives a model what the prior says for its kind.
+/// The prior that is built in: fonts/priors/latin.json.
+WeightPrior latin_prior();
+/// Gives a model what the prior says for its kind; what a control letter has shown stands.
 void take_prior(fontcore::WeightModel& model, const WeightPrior& prior);
 
 /// The model as JSON text and back: lengths in thousandths of the em, a table's innermost lists by thickness, their

@@ -251,8 +251,9 @@ constexpr std::array<Command, 12> table{{
        app.add_option("BOLD", options.learn_weight.bold, "the other weight")->required();
        app.add_option("--control", options.learn_weight.controls, "letters to learn from: n,o,H,O")->required();
        add_output(app, options, "the model, JSON")->required();
-       app.add_option("--prior", options.learn_weight.prior,
-                      "what weight_prior has learnt from other families, JSON; or none");
+       app.add_option(
+           "--prior", options.learn_weight.prior,
+           "what other families say of single letters: JSON of weight_prior, or none; built in unless given");
      },
      [](const Options& options) {
        commands::LearnWeightRequest learn = options.learn_weight;

@@ -641,15 +641,17 @@ Outcome simplify(const Request& request, const SimplifyRequest& simplify) {
 }
 
 Outcome learn_weight(const Request& request, const LearnWeightRequest& learn) {
-  const bool has_prior = learn.prior != "none";
-  check_outputs({request.font, learn.bold, has_prior ? learn.prior : ""}, {learn.output});
+  const bool has_file = !learn.prior.empty() && learn.prior != "none";
+  check_outputs({request.font, learn.bold, has_file ? learn.prior : ""}, {learn.output});
   if (request.text || !request.glyphs.empty()) throw RequestError("weight learn: --control says which letters");
   const Font regular = load(request);
   const Font bold = glyphs::load_font(learn.bold);
   fontcore::WeightModel model = glyphs::learn_weight(regular, bold, learn.controls);
-  if (has_prior) {
+  if (has_file) {
     const glyphs::Bytes bytes = glyphs::read_file(learn.prior);
     take_prior(model, glyphs::parse_prior({bytes.begin(), bytes.end()}, learn.prior));
+  } else if (learn.prior.empty()) {
+    take_prior(model, glyphs::latin_prior());
   }
   const std::string json = glyphs::weight_json(model);
   glyphs::write_files({{learn.output, {json.begin(), json.end()}}});

@@ -114,8 +114,8 @@ Outcome simplify(const Request& request, const SimplifyRequest& simplify);
 
 struct LearnWeightRequest {
   std::string bold;
-  std::string controls;        ///< characters or glyph names, comma separated
-  std::string prior = "none";  ///< what other families say of single letters: a file, or none
+  std::string controls;  ///< characters or glyph names, comma separated
+  std::string prior;     ///< what other families say of single letters: a file, none, or empty for what is built in
   std::string output;
 };
 Outcome learn_weight(const Request& request, const LearnWeightRequest& learn);

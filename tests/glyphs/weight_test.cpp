@@ -232,6 +232,8 @@ TEST_CASE("a prior says how single letters differ in other families, and a contr
   CHECK_FALSE(prior.even.contains("n"));
   CHECK(prior.contrasted.empty());  // of one family nothing is known
   CHECK(prior_json(parse_prior(prior_json(prior), "p.json")) == prior_json(prior));
+  CHECK(latin_prior().even.at("k") > 0.2);
+  CHECK(latin_prior().contrasted.size() > 40);
   CHECK_THROWS_AS(parse_prior(R"({"format": "glyphwave weight prior"})", "p.json"), RequestError);
 
   const Font& font = families[0].from;

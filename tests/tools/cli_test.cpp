@@ -753,6 +753,9 @@ TEST_CASE("weight is learnt from a pair of fonts and applied to one", "[cli]") {
   CHECK(learnt.status == 0);
   CHECK(learnt.out.find("control letter H") != std::string::npos);
   CHECK(json::parse(contents(model)).at("controls").size() == 4);
+  CHECK(json::parse(contents(model)).at("widening").empty());
+  CHECK(glyphwave({"weight", "learn", serif, bold, "--control", "n,o", "-o", folder / "prior.json"}).status == 0);
+  CHECK(json::parse(contents(folder / "prior.json")).at("widening").contains("k"));
 
   const std::string made = folder / "made.ttf";
   const Run applied = glyphwave({"weight", "apply", serif, model, "-o", made, "--glyphs", "a,e", "--report",
