@@ -725,7 +725,7 @@ class GlyphEditor {
       if (is_own && std::abs(turns[static_cast<std::size_t>(s)]) > least_turn) corners.push_back(node);
     }
     std::ranges::sort(corners);
-    corners.erase(std::ranges::unique(corners).begin(), corners.end());
+    corners.erase(std::unique(corners.begin(), corners.end()), corners.end());
     return corners;
   }
 
