@@ -27,8 +27,8 @@ constexpr Index longest_piece = 16;  // in points
 // Of the largest displacement, or of the scale, what the area's correction may add inside the detail's own space.
 constexpr double room_for_area = 0.25;
 constexpr double least_room_for_area = 0.002;
-// Where there is detail to lay the base moves by no more than this share of the scale, or the outline stays.
-constexpr double most_base_move = 4e-4;
+// Where there is detail to lay the base moves by no more than this, em, or the outline stays.
+constexpr double most_base_move = 5e-5;
 
 // One arc with what is laid on it.
 struct Dressed {
@@ -479,7 +479,8 @@ class Dresser {
       inside[k] = arc.base->detail_part(gradient, arc.mask);
     }
     if (correct(inside, std::max(room_for_area * largest, least_room_for_area * scale_))) return {};
-    if (correct(normal, (takes_only() ? 0.25 : most_base_move) * scale_)) return {};
+    const double em = library_.units_per_em * options_.unit;
+    if (correct(normal, takes_only() ? 0.25 * scale_ : most_base_move * em)) return {};
     if (!takes_only()) {
       // Too little of the outline can move: it stays.
       for (Dressed& arc : dressed_) arc.displacement.setZero();

@@ -48,7 +48,7 @@ struct Character {
 /// the scale at corners and wherever something is held. The base of every arc stays: all that is laid, or taken away,
 /// is orthogonal to its space, with the fades; so is the correction that gives the area back. Where that space has no
 /// room for it the outline moves along its normals, with a gain of 0 by as little as it takes, else by no more than
-/// 4e-4 of the scale: a contour that would need more stays as it is.
+/// 0.05/1000 em: a contour that would need more stays as it is.
 ///
 /// Exact   corners, held stretches and arcs without detail bit for bit; the area to 1e-12; a gain of 0 with `adds` is
 ///         the identity.
