@@ -178,6 +178,7 @@ bool lays_detail(const Recipe& recipe) {
 
 RestyleResult restyle(const Font& font, const Recipe& recipe, const RestyleOptions& options) {
   const std::vector<int> selected = glyphs_to_restyle(font, recipe, options);
+  if (!recipe.steps.empty() && font.format != OutlineFormat::Ufo) refuse_at_fault(font);
   const bool finds_zones = recipe.keep.zones_auto && !recipe.steps.empty() && !selected.empty();
   const std::vector<double> zones = finds_zones ? alignment_zones(font) : std::vector<double>{};
   std::vector<GlyphResult> results(selected.size());

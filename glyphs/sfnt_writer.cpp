@@ -195,6 +195,11 @@ class Writer {
     return std::move(result_);
   }
 
+  void refuse_at_fault() const {
+    if (!font_.data) fail("the font has no data to be written from");
+    refuse_faults(faults_of(sfnt::read_directory(*font_.data, font_.face_index)));
+  }
+
   WrittenFont write_as(OutlineFormat to, const GlyphOutlines& outlines) {
     if (!font_.data) fail("the font has no data to be converted");
     refuse_formats();
@@ -301,11 +306,15 @@ class Writer {
     return faults.glyphs.empty() && (font_.is_collection || sfnt::is_well_laid_out(directory, *font_.data));
   }
 
+  /// Of what stays when something is edited.
+  static sfnt::Faults faults_of(sfnt::Directory kept) {
+    std::erase_if(kept.tables, [&](const sfnt::TableRecord& table) { return void_tables().contains(table.tag); });
+    return sfnt::find_faults(kept);
+  }
+
   /// Gives up glyphs for which the whole font would be refused. What is edited has bytes of ours.
   void empty_glyphs() {
-    sfnt::Directory kept = directory_;
-    std::erase_if(kept.tables, [&](const sfnt::TableRecord& table) { return void_tables().contains(table.tag); });
-    sfnt::Faults faults = sfnt::find_faults(kept);
+    sfnt::Faults faults = faults_of(directory_);
     refuse_faults(faults);
     for (const int id : changed_) faults.glyphs.erase(id);
     result_.emptied = std::move(faults.glyphs);
@@ -1041,6 +1050,16 @@ WrittenFont write_sfnt(const Font& font, const EditedGlyphs& edited, const Write
     throw FontWriteError(text(font.path, ": ", error.what()));
   } catch (const FontReadError& error) {
     throw FontWriteError(error.what());
+  }
+}
+
+void refuse_at_fault(const Font& font) {
+  const EditedGlyphs edited;
+  const WriteOptions options;
+  try {
+    Writer(font, edited, options).refuse_at_fault();
+  } catch (const Malformed& error) {
+    throw FontWriteError(text(font.path, ": ", error.what()));
   }
 }
 

@@ -67,6 +67,11 @@ struct WriteOptions {
 ///         limits, a result that does not read back. Names file and glyph.
 WrittenFont write_sfnt(const Font& font, const EditedGlyphs& edited, const WriteOptions& options = {});
 
+/// Refuses, before any work on its glyphs, a font that `write_sfnt` would refuse for a table.
+///
+/// Throws  FontWriteError naming file and tables.
+void refuse_at_fault(const Font& font);
+
 /// Outlines of all glyphs, by id.
 using GlyphOutlines = std::vector<std::vector<fontcore::BezierContour>>;
 
