@@ -383,7 +383,8 @@ TEST_CASE("a family is restyled by one recipe, each font as alone", "[cli]") {
   }
   const Run narrowed = restyle("o", {"--glyphs", "o", "--glyphs", "n", "--json"});
   REQUIRE(narrowed.status == 0);
-  for (const auto& font : json::parse(narrowed.out)["fonts"]) CHECK(font["glyphs"].size() == 2);
+  const json report = json::parse(narrowed.out);
+  for (const auto& font : report["fonts"]) CHECK(font["glyphs"].size() == 2);
   CHECK(json::parse(restyle("t", {"--text", "oo", "--json"}).out)["fonts"][1]["glyphs"][0]["name"] == "o");
 }
 
