@@ -131,15 +131,18 @@ class Dresser {
     dressed.is_closed = !outline_.has_corner();
     Index count = std::clamp<Index>(static_cast<Index>(std::min(std::ceil(arc.length / step_), 1e9)), 32, most_points);
     // An arc that detail was taken from is looked at where it was then.
-    const auto own = std::ranges::find(library_.samples, place_of(index), &DetailSample::place);
-    if (own != library_.samples.end() && !options_.place.empty()) count = own->offsets.rows();
+    const auto own = options_.place.empty()
+                         ? library_.samples.end()
+                         : std::ranges::find(library_.samples, place_of(index), &DetailSample::place);
+    const bool is_own = own != library_.samples.end();
+    if (is_own) count = own->offsets.rows();
     dressed.step = arc.length / static_cast<double>(dressed.is_closed ? count : count - 1);
     dressed.points = points_along(outline_, index, count);
     const DetailBase& base = dressed.base.emplace(dressed.points, dressed.is_closed, scale_);
 
     const auto held = held_on(arc);
     // A difference learnt at this very place comes to nothing at the corners by itself.
-    const bool has_faded = options_.adds && own != library_.samples.end() && !options_.place.empty();
+    const bool has_faded = options_.adds && is_own;
     dressed.mask = Eigen::VectorXd::Ones(count);
     for (Index i = 0; i < count; ++i) {
       const double s = static_cast<double>(i) * dressed.step;

@@ -253,4 +253,10 @@ int matched_in(const Font& font, int glyph) {
   return -1;
 }
 
+std::vector<std::string> glyph_names(const Font& font, const std::vector<int>& ids) {
+  std::vector<std::string> names;
+  for (const int id : ids) names.push_back(font.glyphs[static_cast<std::size_t>(id)].name);
+  return names;
+}
+
 }  // namespace glyphs

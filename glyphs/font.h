@@ -92,6 +92,9 @@ struct Font {
   bool has_outline(int glyph) const;
 };
 
+/// The names of glyphs, in the order of the ids.
+std::vector<std::string> glyph_names(const Font& font, const std::vector<int>& ids);
+
 /// Two-sided distance allowed between an outline and its model, of the em.
 constexpr double model_tolerance = 0.25e-3;
 

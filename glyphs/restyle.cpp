@@ -178,7 +178,7 @@ bool lays_detail(const Recipe& recipe) {
 
 RestyleResult restyle(const Font& font, const Recipe& recipe, const RestyleOptions& options) {
   const std::vector<int> selected = glyphs_to_restyle(font, recipe, options);
-  if (!recipe.steps.empty() && font.format != OutlineFormat::Ufo) refuse_at_fault(font);
+  if (!recipe.steps.empty()) refuse_at_fault(font);
   const bool finds_zones = recipe.keep.zones_auto && !recipe.steps.empty() && !selected.empty();
   const std::vector<double> zones = finds_zones ? alignment_zones(font) : std::vector<double>{};
   std::vector<GlyphResult> results(selected.size());
@@ -281,11 +281,7 @@ std::vector<std::string> refusals(const Font& font, const RestyleResult& result)
 
 std::string report_json(const Font& font, const RestyleResult& result) {
   using Json = nlohmann::ordered_json;
-  const auto names = [&](const std::vector<int>& ids) {
-    Json list = Json::array();
-    for (const int id : ids) list.push_back(font.glyphs[static_cast<std::size_t>(id)].name);
-    return list;
-  };
+  const auto names = [&](const std::vector<int>& ids) { return glyph_names(font, ids); };
   const auto pair = [](const Point& p) { return Json::array({p.x(), p.y()}); };
   std::vector<int> emptied;
   for (const auto& [id, why] : result.font.emptied) emptied.push_back(id);

@@ -692,18 +692,21 @@ class GlyphEditor {
     return is_frozen;
   }
 
+  // Whether a point is one of the font's, and where the font has it.
+  bool is_unmoved(const BezierContour& solved, int point, std::size_t index) const {
+    const int from = references_[index].came_from[static_cast<std::size_t>(point)];
+    return from >= 0 && solved.point(point) == original_[index].point(from);
+  }
+
   // Those, and of a textured contour the points of segments that nothing touched.
   std::vector<bool> staying_points(const BezierContour& solved, std::size_t index) const {
     std::vector<bool> stays = frozen_points(index);
     const Reference& reference = references_[index];
     if (!reference.is_textured) return stays;
-    const auto is_own = [&](int point) {
-      const int from = reference.came_from[static_cast<std::size_t>(point)];
-      return from >= 0 && solved.point(point) == original_[index].point(from);
-    };
     for (int s = 0; s < solved.segment_count(); ++s) {
       bool is_whole = true;
-      for (int k = 0; k <= solved.degree(s); ++k) is_whole = is_whole && is_own(solved.point_of(s, k));
+      for (int k = 0; k <= solved.degree(s); ++k)
+        is_whole = is_whole && is_unmoved(solved, solved.point_of(s, k), index);
       for (int k = 0; is_whole && k <= solved.degree(s); ++k)
         stays[static_cast<std::size_t>(solved.point_of(s, k))] = true;
     }
@@ -713,15 +716,12 @@ class GlyphEditor {
   // Those marked; and of a textured contour the font's own that a fit would take for smooth, beside a line.
   std::vector<int> corners_of(const BezierContour& solved, std::size_t index) const {
     std::vector<int> corners = marked_corners(index);
-    const Reference& reference = references_[index];
-    if (!reference.is_textured) return corners;
+    if (!references_[index].is_textured) return corners;
     constexpr double least_turn = 0.01;  // radians
     const std::vector<double> turns = turning_angles(solved);
     for (int s = 0; s < solved.segment_count(); ++s) {
       const int node = solved.node(s);
-      const int from = reference.came_from[static_cast<std::size_t>(node)];
-      const bool is_own = from >= 0 && solved.kind(node) == fontcore::PointKind::Node &&
-                          solved.point(node) == original_[index].point(from);
+      const bool is_own = solved.kind(node) == fontcore::PointKind::Node && is_unmoved(solved, node, index);
       if (is_own && std::abs(turns[static_cast<std::size_t>(s)]) > least_turn) corners.push_back(node);
     }
     std::ranges::sort(corners);
@@ -732,13 +732,10 @@ class GlyphEditor {
   // Where points stand that stay: of segments that nothing touched, and nodes of the font's between textured stretches.
   using Places = std::set<std::pair<double, double>>;
   Places staying_places(const BezierContour& solved, const std::vector<bool>& stays, std::size_t index) const {
-    const Reference& reference = references_[index];
     Places places;
     for (int i = 0; i < solved.point_count(); ++i) {
-      const auto at = static_cast<std::size_t>(i);
-      const int from = reference.is_textured && is_node(solved.kind(i)) ? reference.came_from[at] : -1;
-      const bool is_own = from >= 0 && solved.point(i) == original_[index].point(from);
-      if (stays[at] || is_own) places.emplace(solved.point(i).x(), solved.point(i).y());
+      const bool is_own = references_[index].is_textured && is_node(solved.kind(i)) && is_unmoved(solved, i, index);
+      if (stays[static_cast<std::size_t>(i)] || is_own) places.emplace(solved.point(i).x(), solved.point(i).y());
     }
     return places;
   }
@@ -831,7 +828,13 @@ class GlyphEditor {
     const double tolerance = options.tolerance;
     options.curve = fontcore::CurveKind::Cubic;
     options.tolerance = share_of_cubics * tolerance;
-    const fontcore::CompactFit fit = fit_compact(raised_to_cubics(solved), options);
+    const BezierContour raised = raised_to_cubics(solved);
+    std::vector<int> corners;  // its points have other numbers
+    for (int s = 0; s < solved.segment_count(); ++s) {
+      if (std::ranges::binary_search(options.corners, solved.node(s))) corners.push_back(raised.node(s));
+    }
+    options.corners = std::move(corners);
+    const fontcore::CompactFit fit = fit_compact(raised, options);
     if (!fit.why.empty()) return std::nullopt;
     std::vector<Point> points;
     std::vector<fontcore::PointKind> kinds;

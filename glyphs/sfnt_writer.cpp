@@ -1054,6 +1054,7 @@ WrittenFont write_sfnt(const Font& font, const EditedGlyphs& edited, const Write
 }
 
 void refuse_at_fault(const Font& font) {
+  if (font.format == OutlineFormat::Ufo) return;
   const EditedGlyphs edited;
   const WriteOptions options;
   try {

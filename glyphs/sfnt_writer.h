@@ -67,7 +67,7 @@ struct WriteOptions {
 ///         limits, a result that does not read back. Names file and glyph.
 WrittenFont write_sfnt(const Font& font, const EditedGlyphs& edited, const WriteOptions& options = {});
 
-/// Refuses, before any work on its glyphs, a font that `write_sfnt` would refuse for a table.
+/// Refuses, before any work on its glyphs, a font that `write_sfnt` would refuse for a table; a UFO has none.
 ///
 /// Throws  FontWriteError naming file and tables.
 void refuse_at_fault(const Font& font);

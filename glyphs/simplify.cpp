@@ -163,6 +163,7 @@ SimplifyResult simplify(const Font& font, const SimplifyOptions& options) {
   if (!(options.tolerance >= 0.0) || !std::isfinite(options.tolerance))
     throw fontcore::InvalidInput(text("simplify: the tolerance is ", options.tolerance));
   const bool is_flat = becomes_cff(font, options.curve);
+  if (options.tolerance > 0.0 && !is_flat) refuse_at_fault(font);
   std::vector<int> selected;
   for (const Glyph& glyph : font.glyphs) {
     if (options.only && !std::ranges::binary_search(*options.only, glyph.id)) continue;
@@ -206,11 +207,7 @@ SimplifyResult simplify(const Font& font, const SimplifyOptions& options) {
 
 std::string simplify_json(const Font& font, const SimplifyOptions& options, const SimplifyResult& result) {
   using Json = nlohmann::ordered_json;
-  const auto names = [&](const std::vector<int>& ids) {
-    Json list = Json::array();
-    for (const int id : ids) list.push_back(font.glyphs[static_cast<std::size_t>(id)].name);
-    return list;
-  };
+  const auto names = [&](const std::vector<int>& ids) { return glyph_names(font, ids); };
   int before = 0;
   int after = 0;
   for (const SimplifiedGlyph& glyph : result.glyphs) {

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <numbers>
 
 #include "fontcore/crossing.h"
@@ -13,6 +12,7 @@
 #include "fontcore/measure.h"
 #include "fontcore/rounding.h"
 #include "glyphs/error.h"
+#include "glyphs/json_reader.h"
 #include "latin_prior.h"
 
 namespace glyphs {
@@ -24,7 +24,6 @@ using fontcore::LetterClass;
 using fontcore::text;
 using fontcore::WeightModel;
 using Contours = std::vector<BezierContour>;
-using Json = nlohmann::ordered_json;
 
 std::vector<std::string> split(const std::string& list) {
   std::vector<std::string> parts;
@@ -84,7 +83,7 @@ Json list_json(const Nested& list) {
 // Every key once, no other, each of its kind.
 class Reader {
  public:
-  Reader(const nlohmann::json& object, std::string where, std::initializer_list<const char*> keys)
+  Reader(const Json& object, std::string where, std::initializer_list<const char*> keys)
       : object_(object), where_(std::move(where)) {
     if (!object.is_object()) fail("an object is expected");
     for (const auto& [key, value] : object.items()) {
@@ -94,10 +93,10 @@ class Reader {
       if (!object.contains(key)) fail(std::string(key) + ": missing");
     }
   }
-  const nlohmann::json& at(const char* key) const { return object_.at(key); }
+  const Json& at(const char* key) const { return object_.at(key); }
   std::string where(const char* key) const { return where_ + ": " + key; }
   double number(const char* key) const { return number_of(at(key), where(key)); }
-  const nlohmann::json& list(const char* key) const {
+  const Json& list(const char* key) const {
     if (!at(key).is_array()) throw RequestError(where(key) + ": a list is expected");
     return at(key);
   }
@@ -105,7 +104,7 @@ class Reader {
   void fill(const char* key, Nested& nested) const {
     fill(at(key), where(key), nested);
   }
-  static double number_of(const nlohmann::json& value, const std::string& where) {
+  static double number_of(const Json& value, const std::string& where) {
     if (!value.is_number() || !std::isfinite(value.get<double>()) || std::abs(value.get<double>()) > 1e6) {
       throw RequestError(where + ": a number of at most a million is expected");
     }
@@ -115,7 +114,7 @@ class Reader {
  private:
   [[noreturn]] void fail(const std::string& why) const { throw RequestError(where_ + ": " + why); }
   template <typename Nested>
-  static void fill(const nlohmann::json& value, const std::string& where, Nested& nested) {
+  static void fill(const Json& value, const std::string& where, Nested& nested) {
     if constexpr (std::is_arithmetic_v<Nested>) {
       nested = number_of(value, where);
     } else {
@@ -126,11 +125,11 @@ class Reader {
     }
   }
 
-  const nlohmann::json& object_;
+  const Json& object_;
   std::string where_;
 };
 
-WeightModel::Stroke read_stroke(const nlohmann::json& json, const std::string& where) {
+WeightModel::Stroke read_stroke(const Json& json, const std::string& where) {
   const Reader reader(json, where, {"thickness", "growth"});
   const WeightModel::Stroke stroke{reader.number("thickness"), reader.number("growth")};
   if (!(stroke.thickness > 0.0)) throw RequestError(where + ": thickness: it must be positive");
@@ -139,7 +138,7 @@ WeightModel::Stroke read_stroke(const nlohmann::json& json, const std::string& w
 
 std::vector<WeightModel::Zone> read_zones(const Reader& reader, const char* key) {
   std::vector<WeightModel::Zone> zones;
-  for (const nlohmann::json& item : reader.list(key)) {
+  for (const Json& item : reader.list(key)) {
     const Reader zone(item, text(reader.where(key), " ", zones.size()), {"height", "shift"});
     zones.push_back({zone.number("height"), zone.number("shift")});
     if (zones.size() > 1 && zones[zones.size() - 2].height >= zones.back().height) {
@@ -279,16 +278,11 @@ std::string weight_json(const WeightModel& model) {
   json["bottom"] = zones_json(model.bottom);
   json["widening"] = letters_json(model.widening);
   json["controls"] = controls;
-  return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
 WeightModel parse_weight(const std::string& source, const std::string& name) {
-  nlohmann::json json;
-  try {
-    json = nlohmann::json::parse(source);
-  } catch (const nlohmann::json::exception& error) {
-    throw RequestError(name + ": " + error.what());
-  }
+  const Json json = naming_file(name, source, parse_json);
   const Reader reader(json, name,
                       {"format", "version", "unit", "directions", "thicknesses", "widths", class_names[0],
                        class_names[1], "top", "bottom", "widening", "controls"});
@@ -326,7 +320,7 @@ WeightModel parse_weight(const std::string& source, const std::string& name) {
   model.top = read_zones(reader, "top");
   model.bottom = read_zones(reader, "bottom");
   model.widening = read_letters(reader, "widening");
-  for (const nlohmann::json& item : reader.list("controls")) {
+  for (const Json& item : reader.list("controls")) {
     const Reader control(item, text(reader.where("controls"), " ", model.controls.size()),
                          {"name", "used", "thickness_error", "width_error"});
     if (!control.at("name").is_string()) throw RequestError(control.where("name") + ": a text is expected");
@@ -419,22 +413,17 @@ std::string prior_json(const WeightPrior& prior) {
                      {"families", prior.families},
                      {"even", letters_json(prior.even)},
                      {"contrasted", letters_json(prior.contrasted)}};
-  return json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
 WeightPrior parse_prior(const std::string& source, const std::string& name) {
-  nlohmann::json json;
-  try {
-    json = nlohmann::json::parse(source);
-  } catch (const nlohmann::json::exception& error) {
-    throw RequestError(name + ": " + error.what());
-  }
+  const Json json = naming_file(name, source, parse_json);
   const Reader reader(json, name, {"format", "version", "families", "even", "contrasted"});
   if (reader.at("format") != prior_name || reader.at("version") != 1) {
     throw RequestError(name + ": no weight prior of this version");
   }
   WeightPrior prior;
-  for (const nlohmann::json& family : reader.list("families")) {
+  for (const Json& family : reader.list("families")) {
     if (!family.is_string()) throw RequestError(reader.where("families") + ": texts are expected");
     prior.families.push_back(family.get<std::string>());
   }
@@ -508,6 +497,7 @@ ReweightResult reweight(const Font& font, const WeightModel& model, const Reweig
   if (!(options.amount >= -1.0 && options.amount <= 2.0)) {
     throw RequestError(text("--amount ", options.amount, ": it goes from -1 to 2"));
   }
+  if (options.amount != 0.0) refuse_at_fault(font);
   std::vector<int> selected;
   for (const Glyph& glyph : font.glyphs) {
     if (options.only && !std::ranges::binary_search(*options.only, glyph.id)) continue;
@@ -537,11 +527,7 @@ ReweightResult reweight(const Font& font, const WeightModel& model, const Reweig
 }
 
 std::string reweight_json(const Font& font, const ReweightOptions& options, const ReweightResult& result) {
-  const auto names = [&](const std::vector<int>& ids) {
-    Json list = Json::array();
-    for (const int id : ids) list.push_back(font.glyphs[static_cast<std::size_t>(id)].name);
-    return list;
-  };
+  const auto names = [&](const std::vector<int>& ids) { return glyph_names(font, ids); };
   Json json = {{"version", 1},
                {"unitsPerEm", font.units_per_em},
                {"amount", options.amount},
@@ -568,7 +554,7 @@ std::string reweight_json(const Font& font, const ReweightOptions& options, cons
     if (!report.refused.empty()) glyph["refused"] = report.refused;
     json["glyphs"].push_back(std::move(glyph));
   }
-  return json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
 }  // namespace glyphs

@@ -102,6 +102,21 @@ CLI::Option* add_output(CLI::App& app, Options& options, const char* help) {
   return app.add_option("-o,--output", options.output, help);
 }
 
+/// What a command that edits by a recipe says of its work.
+void add_findings(CLI::App& app, Options& options) {
+  app.add_option("--report", options.restyle.report, "what became of every glyph, JSON");
+  app.add_option("--proof", options.restyle.proof, "changed glyphs before and after, .png, .pdf or .svg");
+  app.add_flag("--strict", options.restyle.strict, "any refused glyph: exit status 1 and no output");
+}
+
+/// A restyling by the file that says what is done.
+commands::RestyleRequest restyled_by(const std::string& recipe, const Options& options) {
+  commands::RestyleRequest restyle = options.restyle;
+  restyle.recipe = recipe;
+  restyle.output = options.output;
+  return restyle;
+}
+
 /// Options and commands that CLI users know and this version lacks are refused by name, not as unknown.
 [[noreturn]] void refuse(const std::string& what) { throw RequestError(what + ": not in this version"); }
 
@@ -113,10 +128,7 @@ Outcome restyle(const Options& options) {
     throw RequestError("restyle: " + options.words[1] +
                        ": one FONT and one RECIPE are expected; a family takes its recipe by --recipe");
   if (options.output.empty()) throw RequestError("restyle: --output is required");
-  commands::RestyleRequest request = options.restyle;
-  request.recipe = options.words[0];
-  request.output = options.output;
-  return commands::restyle(options.request, request);
+  return commands::restyle(options.request, restyled_by(options.words[0], options));
 }
 
 Outcome restyle_family(const Options& options) {
@@ -147,9 +159,7 @@ constexpr std::array<Command, 12> table{{
        app.add_option(
            "--output-dir", options.family.output_dir,
            "where a family goes, each font under its own name; made if it is missing, may be the fonts' own");
-       app.add_option("--report", options.restyle.report, "what became of every glyph, JSON");
-       app.add_option("--proof", options.restyle.proof, "changed glyphs before and after, .png, .pdf or .svg");
-       app.add_flag("--strict", options.restyle.strict, "any refused glyph: exit status 1 and no output");
+       add_findings(app, options);
      },
      [](const Options& options) { return options.family.recipe.empty() ? restyle(options) : restyle_family(options); }},
     {"simplify", "outlines in the fewest lines and curves within a tolerance",
@@ -216,15 +226,10 @@ constexpr std::array<Command, 12> table{{
        app.add_option("--points", options.apply.points,
                       "points that a glyph may have: the finest features are left out until it has no more")
            ->check(CLI::Range(1, 65535));
-       app.add_option("--report", options.restyle.report, "what became of every glyph, JSON");
-       app.add_option("--proof", options.restyle.proof, "changed glyphs before and after, .png, .pdf or .svg");
-       app.add_flag("--strict", options.restyle.strict, "any refused glyph: exit status 1 and no output");
+       add_findings(app, options);
      },
      [](const Options& options) {
-       commands::RestyleRequest restyle = options.restyle;
-       restyle.recipe = options.apply.library;
-       restyle.output = options.output;
-       return commands::apply_character(options.request, options.apply, restyle);
+       return commands::apply_character(options.request, options.apply, restyled_by(options.apply.library, options));
      }},
     {"character repeat", "an edit of one stretch, a serif, put wherever outlines run alike",
      [](CLI::App& app, Options& options) {
@@ -236,15 +241,10 @@ constexpr std::array<Command, 12> table{{
        app.add_flag("--turn", options.repeat.turns, "turned by any angle too");
        app.add_option("--sizes", options.repeat.sizes, "smallest and largest size that it may have: 0.8 1.2")
            ->expected(2);
-       app.add_option("--report", options.restyle.report, "what became of every glyph, JSON");
-       app.add_option("--proof", options.restyle.proof, "changed glyphs before and after, .png, .pdf or .svg");
-       app.add_flag("--strict", options.restyle.strict, "any refused glyph: exit status 1 and no output");
+       add_findings(app, options);
      },
      [](const Options& options) {
-       commands::RestyleRequest restyle = options.restyle;
-       restyle.recipe = options.repeat.library;
-       restyle.output = options.output;
-       return commands::repeat_character(options.request, options.repeat, restyle);
+       return commands::repeat_character(options.request, options.repeat, restyled_by(options.repeat.library, options));
      }},
     {"weight learn", "the step from a weight to another, from a few letters drawn in both",
      [](CLI::App& app, Options& options) {

@@ -201,12 +201,6 @@ Outcome measure_area(const Request& request, const std::string& output) {
 
 namespace {
 
-std::vector<std::string> names(const Font& font, const std::vector<int>& glyphs) {
-  std::vector<std::string> list;
-  for (const int glyph : glyphs) list.push_back(font.glyphs[static_cast<std::size_t>(glyph)].name);
-  return list;
-}
-
 /// What was rebuilt and dropped, and what there is to know about it.
 std::string what_changed(const Font& font, const glyphs::WrittenFont& written) {
   const auto listed = [](const std::vector<std::string>& tags) { return tags.empty() ? "none" : join(tags, " "); };
@@ -271,7 +265,7 @@ std::string summary(const Request& request, const RestyleRequest& restyle, const
   if (!result.font.dropped_hints.empty())
     out += text("hints dropped from ", count(result.font.dropped_hints.size(), "glyph"), "\n");
   if (!result.font.decomposed.empty())
-    out += text("composites decomposed: ", few(names(font, result.font.decomposed)), "\n");
+    out += text("composites decomposed: ", few(glyphs::glyph_names(font, result.font.decomposed)), "\n");
   std::vector<std::string> written{restyle.output};
   for (const std::string& path : {restyle.report, restyle.proof})
     if (!path.empty()) written.push_back(path);
@@ -346,7 +340,6 @@ Outcome apply_character(const Request& request, const ApplyRequest& apply, const
                                                     .mirrors = apply.mirrors,
                                                     .spares_lines = apply.spares_straights,
                                                     .holds_joins = apply.holds_joins});
-    recipe.emission = glyphs::Emission::Structure;
     recipe.tolerance = apply.tolerance;
     recipe.seed = apply.seed;
     if (apply.points) recipe.most_points = *apply.points;
@@ -371,7 +364,6 @@ Outcome repeat_character(const Request& request, const RepeatRequest& repeat, co
     }
     glyphs::Recipe recipe;
     recipe.steps.emplace_back(std::move(step));
-    recipe.emission = glyphs::Emission::Structure;
     // The edit says itself what moves; what it was made of is the designer's.
     recipe.keep.area = glyphs::KeepArea::None;
     recipe.keep.lines = recipe.keep.extrema = recipe.keep.zones_auto = false;
@@ -733,7 +725,7 @@ Outcome convert(const Request& request, const ConvertRequest& convert) {
   if (convert.strict && !converted.emptied.empty()) {
     return {"",
             text(request.font, ": ", count(converted.emptied.size(), "glyph"),
-                 " cannot be read, nothing written: ", few(names(font, converted.emptied))),
+                 " cannot be read, nothing written: ", few(glyphs::glyph_names(font, converted.emptied))),
             1};
   }
   glyphs::write_files({{convert.output, std::move(converted.font.data), std::move(converted.font.folder)}});
@@ -742,20 +734,21 @@ Outcome convert(const Request& request, const ConvertRequest& convert) {
   const std::string worst = has_deviation ? font.glyphs[static_cast<std::size_t>(converted.worst)].name : std::string();
   const double deviation = has_deviation ? converted.deviation[static_cast<std::size_t>(converted.worst)] : 0.0;
   if (request.json) {
-    nlohmann::ordered_json json{{"version", 1},
-                                {"written", {convert.output}},
-                                {"glyphs", font.glyphs.size()},
-                                {"deviation", deviation},
-                                {"worst", has_deviation ? nlohmann::ordered_json(worst) : nullptr},
-                                {"segments_before", converted.segments_before},
-                                {"segments_after", converted.segments_after},
-                                {"flattened", names(font, converted.flattened)},
-                                {"emptied", names(font, converted.emptied)},
-                                {"changed_tables", converted.font.changed_tables},
-                                {"dropped_tables", converted.font.dropped_tables},
-                                {"dropped_instructions", names(font, converted.font.dropped_instructions)},
-                                {"dropped_hints", names(font, converted.font.dropped_hints)},
-                                {"warnings", converted.font.warnings}};
+    nlohmann::ordered_json json{
+        {"version", 1},
+        {"written", {convert.output}},
+        {"glyphs", font.glyphs.size()},
+        {"deviation", deviation},
+        {"worst", has_deviation ? nlohmann::ordered_json(worst) : nullptr},
+        {"segments_before", converted.segments_before},
+        {"segments_after", converted.segments_after},
+        {"flattened", glyphs::glyph_names(font, converted.flattened)},
+        {"emptied", glyphs::glyph_names(font, converted.emptied)},
+        {"changed_tables", converted.font.changed_tables},
+        {"dropped_tables", converted.font.dropped_tables},
+        {"dropped_instructions", glyphs::glyph_names(font, converted.font.dropped_instructions)},
+        {"dropped_hints", glyphs::glyph_names(font, converted.font.dropped_hints)},
+        {"warnings", converted.font.warnings}};
     return {json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n", "", 0};
   }
   if (request.quiet) return {};
@@ -763,7 +756,8 @@ Outcome convert(const Request& request, const ConvertRequest& convert) {
   if (has_deviation)
     out += text("largest deviation: ", rounded(deviation, 3), " of ", font.units_per_em, " units per em, in ", worst,
                 "; segments: ", converted.segments_before, " before, ", converted.segments_after, " after\n");
-  if (!converted.flattened.empty()) out += "composites flattened: " + few(names(font, converted.flattened)) + "\n";
+  if (!converted.flattened.empty())
+    out += "composites flattened: " + few(glyphs::glyph_names(font, converted.flattened)) + "\n";
   if (!converted.font.dropped_instructions.empty())
     out += text("instructions dropped from ", count(converted.font.dropped_instructions.size(), "glyph"), "\n");
   if (kind != FileKind::Ufo && kind != FileKind::Svg)

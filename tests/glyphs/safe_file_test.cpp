@@ -24,6 +24,7 @@
 
 #include "glyphs/error.h"
 #include "tests/catch.h"
+#include "tests/folder.h"
 
 namespace {
 
@@ -33,23 +34,7 @@ using glyphs::FontWriteError;
 using glyphs::write_file;
 using glyphs::write_files;
 
-/// A folder of its own for a test.
-class Folder {
- public:
-  Folder() {
-    std::string name = (fs::temp_directory_path() / "glyphwave-test-XXXXXX").string();
-    if (!::mkdtemp(name.data())) throw std::runtime_error("mkdtemp");
-    path_ = name;
-  }
-  Folder(const Folder&) = delete;
-  Folder& operator=(const Folder&) = delete;
-  ~Folder() { fs::remove_all(path_); }
-  std::string operator/(const std::string& name) const { return (path_ / name).string(); }
-  std::ptrdiff_t count() const { return std::distance(fs::directory_iterator(path_), fs::directory_iterator()); }
-
- private:
-  fs::path path_;
-};
+using Folder = TestFolder;
 
 std::string content(const std::string& path) {
   std::ifstream file(path, std::ios::binary);

@@ -14,6 +14,7 @@
 #include "glyphs/shaping.h"
 #include "tests/bundled_fonts.h"
 #include "tests/catch.h"
+#include "tests/folder.h"
 #include "tests/shapes.h"
 
 namespace {
@@ -177,22 +178,6 @@ std::string trouble(const std::string& content) {
   if (!glyph.trouble.empty()) CHECK(write_ufo(font, {}).folder == ufo);
   return glyph.trouble;
 }
-
-class TestFolder {
- public:
-  TestFolder() {
-    std::string name = (fs::temp_directory_path() / "glyphwave-test-XXXXXX").string();
-    if (!::mkdtemp(name.data())) throw std::runtime_error("mkdtemp");
-    path_ = name;
-  }
-  TestFolder(const TestFolder&) = delete;
-  TestFolder& operator=(const TestFolder&) = delete;
-  ~TestFolder() { fs::remove_all(path_); }
-  std::string operator/(const std::string& name) const { return (path_ / name).string(); }
-
- private:
-  fs::path path_;
-};
 
 }  // namespace
 
