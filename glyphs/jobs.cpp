@@ -71,10 +71,9 @@ void run_jobs(int count, const JobOptions& options, const std::function<void(int
 }
 
 int run_jobs_within(std::int64_t most, int count, const JobOptions& options,
-                    const std::function<std::int64_t(int)>& work) {
+                    const std::function<std::int64_t(int)>& work, int share) {
   // Costs are counted up to the first index not yet done: it is left undone only where those before it have spent all,
   // whatever the threads do; the last count, in order, decides.
-  constexpr int share = 64;  // indices at a time
   constexpr int worth_threads = 16;
   const int shares = (count + share - 1) / share;
   std::vector<std::int64_t> costs(static_cast<std::size_t>(count));

@@ -21,8 +21,9 @@ struct JobOptions {
 void run_jobs(int count, const JobOptions& options, const std::function<void(int)>& work);
 
 /// The same within a budget: `work` says what it has cost. Returns the first index before which the costs, added up in
-/// order, are over `most`, or `count`; what lies at it and behind may have been done or not.
+/// order, are over `most`, or `count`; what lies at it and behind may have been done or not. A thread takes `share`
+/// indices at a time: many where each is soon done.
 int run_jobs_within(std::int64_t most, int count, const JobOptions& options,
-                    const std::function<std::int64_t(int)>& work);
+                    const std::function<std::int64_t(int)>& work, int share = 64);
 
 }  // namespace glyphs

@@ -2,10 +2,12 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <bit>
 #include <iterator>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <set>
 
 #include "fontcore/alignment.h"
 #include "fontcore/crossing.h"
@@ -169,6 +171,28 @@ class CompositeCheck {
   JobOptions jobs_;
 };
 
+// What a job may cost, as GlyphResult::work: a dozen tries of every point, outlines that several glyphs draw counted
+// once, and no more points than the file has bytes for.
+std::int64_t most_work(const Font& font, const std::vector<int>& selected) {
+  constexpr std::int64_t tries = 12;
+  constexpr std::int64_t bytes_a_point = 4;
+  constexpr std::int64_t in_any_case = 1 << 18;
+  std::set<std::uint64_t> seen;
+  std::int64_t points = 0;
+  for (const int id : selected) {
+    const Contours& contours = font.glyphs[static_cast<std::size_t>(id)].contours;
+    std::uint64_t hash = 0;
+    for (const BezierContour& contour : contours) {
+      for (const double coordinate : contour.points().reshaped()) {
+        hash = (hash ^ std::bit_cast<std::uint64_t>(coordinate)) * 0x100000001B3U;
+      }
+    }
+    if (seen.insert(hash).second) points += stored_points(contours);
+  }
+  if (font.data) points = std::min(points, static_cast<std::int64_t>(font.data->size()) / bytes_a_point);
+  return tries * points + in_any_case;
+}
+
 bool lays_detail(const Recipe& recipe) {
   return std::ranges::any_of(recipe.steps,
                              [](const Step& step) { return std::holds_alternative<CharacterStep>(step); });
@@ -182,14 +206,31 @@ RestyleResult restyle(const Font& font, const Recipe& recipe, const RestyleOptio
   const bool finds_zones = recipe.keep.zones_auto && !recipe.steps.empty() && !selected.empty();
   const std::vector<double> zones = finds_zones ? alignment_zones(font) : std::vector<double>{};
   std::vector<GlyphResult> results(selected.size());
-  run_jobs(static_cast<int>(selected.size()), options.jobs, [&](int i) {
+  const int count = static_cast<int>(selected.size());
+  const std::int64_t budget = most_work(font, selected);
+  const int within = run_jobs_within(
+      budget, count, options.jobs,
+      [&](int i) {
+        const auto k = static_cast<std::size_t>(i);
+        results[k] = restyle_glyph(font, selected[k], recipe, zones);
+        results[k].unrounded.clear();  // a font has tens of thousands of glyphs
+        if (!results[k].report.changed) results[k].contours.clear();
+        results[k].unrounded.shrink_to_fit();
+        results[k].contours.shrink_to_fit();
+        return results[k].work;
+      },
+      1);
+  const Recipe no_steps;
+  for (int i = within; i < count; ++i) {
     const auto k = static_cast<std::size_t>(i);
-    results[k] = restyle_glyph(font, selected[k], recipe, zones);
-    results[k].unrounded.clear();  // a font has tens of thousands of glyphs
-    if (!results[k].report.changed) results[k].contours.clear();
-    results[k].unrounded.shrink_to_fit();
-    results[k].contours.shrink_to_fit();
-  });
+    results[k] = restyle_glyph(font, selected[k], no_steps, {});
+    if (!results[k].report.refused.empty() || font.glyphs[static_cast<std::size_t>(selected[k])].contours.empty()) {
+      continue;
+    }
+    results[k].report.amount = 0.0;
+    results[k].report.refused =
+        text("the work of the job is spent: the glyphs before it took ", budget, " points tried");
+  }
 
   std::vector<int> crossing_composites;
   if (lays_detail(recipe) && recipe.on_crossing != OnCrossing::Allow) {

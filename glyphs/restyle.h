@@ -81,6 +81,7 @@ struct GlyphResult {
   std::vector<std::vector<int>> came_from;  ///< per contour and point its index in the input, -1 if it is new; none
                                             ///< where all contours have the structure of the input
   GlyphReport report;
+  std::int64_t work = 0;  ///< points, every one counted as often as the steps were tried
 };
 /// `zones` are heights that the font's letters share; the glyph's own lowest and highest nodes are added if the recipe
 /// says "auto".
@@ -100,6 +101,10 @@ struct RestyleOptions {
 
 /// A font through a recipe: every selected glyph on its own, then one font. Glyphs that refuse stay as they were and
 /// are named.
+///
+/// Work is bounded by what the font stores: a damaged one whose glyphs all draw one huge outline would take for ever.
+/// Every glyph costs its points for every time that its steps are tried; what comes after the budget is spent stays as
+/// it was and is named. No sound font comes near it.
 struct RestyleResult {
   WrittenFont font;
   std::vector<GlyphReport> glyphs;  ///< selected glyphs, by id

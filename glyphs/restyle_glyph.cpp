@@ -32,9 +32,10 @@ using Contours = std::vector<BezierContour>;
 constexpr double least_handle = 2.0;           // units: shorter ones have no direction in whole numbers
 constexpr double bisection_width = 0.01;       // of the amount
 constexpr double first_left_out = 1.0 / 16.0;  // of a library's scale: features below go first if points must be saved
-constexpr double least_texture_tolerance = 1.25;  // units: whole numbers alone move points by up to 0.7
-constexpr double most_texture_tolerance = 4.0;    // units, and eight times what is asked
-constexpr double worth_a_note = 5e-4;             // area error after rounding, relative
+constexpr double least_texture_tolerance = 1.25;   // units: whole numbers alone move points by up to 0.7
+constexpr double most_texture_tolerance = 4.0;     // units, and eight times what is asked
+constexpr double worth_a_note = 5e-4;              // area error after rounding, relative
+constexpr std::int64_t most_glyph_work = 1 << 19;  // points times tries: 32 tries of the largest drawn glyphs
 
 // A step of the recipe as it applies to one glyph, in font units.
 struct PlacedStep {
@@ -78,13 +79,16 @@ std::uint64_t seed_of(std::uint64_t seed, const std::string& place) {
 
 class GlyphEditor {
  public:
-  GlyphEditor(const Font& font, const Glyph& glyph, const Recipe& recipe, const std::vector<double>& zones)
+  /// Counts into `work` what the tries cost.
+  GlyphEditor(const Font& font, const Glyph& glyph, const Recipe& recipe, const std::vector<double>& zones,
+              std::int64_t& work)
       : font_(font),
         name_(glyph.name),
         original_(glyph.contours),
         marks_(glyph.marks),
         drawn_at_(glyph.origin, 0.0),
         recipe_(recipe),
+        work_(work),
         curves_(original_.size()) {
     const double unit = recipe.lengths_in_thousandths ? font.units_per_em / 1000.0 : 1.0;
     // Names are unique; only what is no name needs the font.
@@ -139,7 +143,13 @@ class GlyphEditor {
     });
   }
 
+  /// Throws  WorkLimitExceeded once the tries of this glyph have cost more than any drawn one takes.
   Attempt attempt(double amount, fontcore::HandleMove handle_move = fontcore::HandleMove::Forced) {
+    if (work_ > most_glyph_work) {
+      throw fontcore::WorkLimitExceeded(text("its ", stored_points(original_), " points were tried ",
+                                             work_ / stored_points(original_), " times: that is all a glyph gets"));
+    }
+    work_ += stored_points(original_);
     handle_move_ = handle_move;
     Attempt result;
     result.unrounded = original_;
@@ -873,6 +883,7 @@ class GlyphEditor {
   const std::vector<ContourMarks>& marks_;  // one a contour, or none
   const Point drawn_at_;                    // the place in stored coordinates that a recipe calls the origin
   const Recipe& recipe_;
+  std::int64_t& work_;
   fontcore::HandleMove handle_move_ = fontcore::HandleMove::Forced;
   double finest_ = 0.0;
   std::vector<Point> quiet_;
@@ -1084,7 +1095,7 @@ GlyphResult restyle_glyph(const Font& font, int id, const Recipe& recipe, const 
   const std::optional<Glyph> decomposed =
       without_components(font, font.glyphs.at(static_cast<std::size_t>(id)), recipe);
   const Glyph& glyph = decomposed ? *decomposed : font.glyphs.at(static_cast<std::size_t>(id));
-  GlyphResult result{glyph.contours, glyph.contours, {}};
+  GlyphResult result{glyph.contours, glyph.contours, {}, {}, 0};
   GlyphReport& report = result.report;
   report.glyph = id;
   report.name = glyph.name;
@@ -1097,7 +1108,7 @@ GlyphResult restyle_glyph(const Font& font, int id, const Recipe& recipe, const 
     // In a UFO a composite may have contours of its own, which are edited beside its components.
     if (glyph.is_composite() && glyph.contours.empty())
       throw Refusal{"it is a composite; edit its parts: " + parts_of(font, glyph)};
-    GlyphEditor editor(font, glyph, recipe, zones);
+    GlyphEditor editor(font, glyph, recipe, zones, result.work);
     for (const Point& place : quiet) editor.keep_quiet(place);
     if (!editor.has_work() || glyph.contours.empty()) return result;
 

@@ -1,6 +1,7 @@
 #include "glyphs/restyle.h"
 
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <random>
 
 #include "fontcore/constraint.h"
@@ -482,6 +483,31 @@ TEST_CASE("the same recipe gives the same font and report for every number of th
   CHECK(a.changed() > 40);
   CHECK(a.font.data == b.font.data);
   CHECK(report_json(font, a) == report_json(font, b));
+}
+
+TEST_CASE("a font whose glyphs all draw one huge outline takes no more work than it stores points for", "[restyle]") {
+  Font font = load_font(bundled_font("cabin/Cabin-Regular.otf"));
+  std::vector<Point> gear;
+  for (int k = 0; k < 2000; ++k) {
+    const double angle = 1e-3 * std::numbers::pi * k;
+    gear.emplace_back((k % 2 == 0 ? 4000.0 : 3950.0) * Point(std::cos(angle), std::sin(angle)));
+  }
+  int last = -1;
+  for (Glyph& glyph : font.glyphs) {
+    if (glyph.contours.empty()) continue;
+    glyph.contours = {shapes::polygon(gear)};
+    last = glyph.id;
+  }
+  Recipe recipe;
+  recipe.steps.push_back(SmoothStep{.scale = 60});
+  recipe.keep.zones_auto = false;
+  const RestyleResult once = restyle(font, recipe, {.jobs = {.jobs = 1}});
+  const RestyleResult again = restyle(font, recipe, {.jobs = {.jobs = 3}});
+  const auto report = std::ranges::find(once.glyphs, last, &GlyphReport::glyph);
+  REQUIRE(report != once.glyphs.end());
+  CHECK_THAT(report->refused, Catch::Contains("the work of the job is spent"));
+  CHECK(once.glyphs.front().refused.find("the work of the job") == std::string::npos);
+  CHECK(report_json(font, once) == report_json(font, again));
 }
 
 TEST_CASE("a step after another leaves whole numbers on every point", "[restyle]") {
