@@ -165,11 +165,18 @@ ConvertedFont convert_outlines(const Font& font, const ConvertOptions& options, 
   std::vector<std::string> troubles(count);
   std::vector<int> before_counts(count);
   const OutlineConverter converter(font, options);
+  const std::vector<int> first = first_alike(font);
+  const auto is_converted_once = [&](int id) {  // for all glyphs that draw the same
+    const int as = first[static_cast<std::size_t>(id)];
+    const auto is_plain = [&](const Glyph& glyph) { return glyph.components.empty() && glyph.trouble.empty(); };
+    return as != id && is_plain(font.glyphs[static_cast<std::size_t>(id)]) &&
+           is_plain(font.glyphs[static_cast<std::size_t>(as)]) && !instead.contains(id) && !instead.contains(as);
+  };
   run_jobs(static_cast<int>(count), options.jobs, [&](int id) {
     const auto k = static_cast<std::size_t>(id);
     const Glyph& glyph = font.glyphs[k];
     troubles[k] = glyph.trouble;
-    if (!troubles[k].empty()) return;
+    if (!troubles[k].empty() || is_converted_once(id)) return;
     const auto given = instead.find(id);
     Contours before = compose(font, id);
     std::erase_if(before, [](const BezierContour& contour) { return contour.point_count() < 2; });
@@ -184,6 +191,14 @@ ConvertedFont convert_outlines(const Font& font, const ConvertOptions& options, 
     troubles[k] = to_cff ? why_no_charstring(after) : why_no_truetype(after);
     if (troubles[k].empty()) outlines[k] = std::move(after);
   });
+  for (std::size_t k = 0; k < count; ++k) {
+    if (!is_converted_once(static_cast<int>(k))) continue;
+    const auto as = static_cast<std::size_t>(first[k]);
+    outlines[k] = outlines[as];
+    troubles[k] = troubles[as];
+    before_counts[k] = before_counts[as];
+    converted.deviation[k] = converted.deviation[as];
+  }
   converted.worst = static_cast<int>(std::ranges::max_element(converted.deviation) - converted.deviation.begin());
   std::vector<std::string> warnings;
   for (const Glyph& glyph : font.glyphs) {

@@ -1,9 +1,11 @@
 #include "glyphs/font.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <iterator>
 #include <set>
+#include <unordered_map>
 
 #include "glyphs/error.h"
 
@@ -239,6 +241,41 @@ void check_composites(Font& font) {
   for (Glyph& glyph : font.glyphs) {
     if (open[index(glyph.id)] > 0) refuse(glyph, "its components form a cycle, or lead to one");
   }
+}
+
+std::vector<int> first_alike(const Font& font) {
+  std::unordered_multimap<std::uint64_t, int> firsts;
+  std::vector<int> result;
+  for (const Glyph& glyph : font.glyphs) {
+    std::uint64_t hash = std::bit_cast<std::uint64_t>(glyph.origin);
+    for (const fontcore::BezierContour& contour : glyph.contours) {
+      for (const double coordinate : contour.points().reshaped()) {
+        hash = (hash ^ std::bit_cast<std::uint64_t>(coordinate)) * 0x100000001B3U;
+      }
+    }
+    int first = glyph.id;
+    const auto [begin, end] = firsts.equal_range(hash);
+    for (auto at = begin; at != end && first == glyph.id; ++at) {
+      const Glyph& other = font.glyphs[static_cast<std::size_t>(at->second)];
+      if (other.contours == glyph.contours && other.origin == glyph.origin) first = other.id;
+    }
+    if (first == glyph.id) firsts.emplace(hash, first);
+    result.push_back(first);
+  }
+  return result;
+}
+
+std::int64_t drawn_points(const Font& font, const std::vector<int>& glyphs) {
+  constexpr std::int64_t bytes_a_point = 4;
+  const std::vector<int> first = first_alike(font);
+  std::set<int> counted;
+  std::int64_t points = 0;
+  for (const int id : glyphs) {
+    if (!counted.insert(first[static_cast<std::size_t>(id)]).second) continue;
+    for (const auto& contour : font.glyphs[static_cast<std::size_t>(id)].contours) points += contour.point_count();
+  }
+  if (font.data) points = std::min(points, static_cast<std::int64_t>(font.data->size()) / bytes_a_point);
+  return points;
 }
 
 int matched_in(const Font& font, int glyph) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <map>
 #include <memory>
 #include <optional>
@@ -120,6 +121,14 @@ std::vector<int> dependents(const Font& font, const std::vector<int>& glyphs);
 /// no glyph of the font or in trouble itself, a cycle, a point match out of range, more than the limits above. Children
 /// come before parents, so that neither depth nor shared parts cost more than one visit of every component.
 void check_composites(Font& font);
+
+/// For every glyph the first one whose own contours are the same, bit for bit, with the same origin: fonts draw spaces,
+/// letters of several scripts and, if damaged, whole ranges by one outline.
+std::vector<int> first_alike(const Font& font);
+
+/// Points that the file stores for glyphs: outlines that are alike counted once, and never more than a quarter of the
+/// file's bytes, whatever a damaged one claims. What budgets of work are counted in.
+std::int64_t drawn_points(const Font& font, const std::vector<int>& glyphs);
 
 /// The first composite that places parts by matching points whose numbers count those of the glyph; -1 if none does. If
 /// the glyph had other points, other ones would be matched.

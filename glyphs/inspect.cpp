@@ -19,10 +19,10 @@ using fontcore::Meeting;
 using Json = nlohmann::ordered_json;
 
 // What looking into contours may cost, in points; modelling takes 5 to 30 microseconds for each.
-constexpr std::int64_t contour_cost = 64;       // of any contour, beside its points: no model has fewer control points
-constexpr std::int64_t glyph_budget = 1024;     // ten contours of 40 points
-constexpr std::int64_t stored_budget = 4;       // of a job, for every point that its glyphs store, and
-constexpr std::int64_t shared_budget = 65'536;  // in any case, for what glyphs need beyond their own
+constexpr std::int64_t contour_cost = 64;    // of any contour, beside its points: no model has fewer control points
+constexpr std::int64_t glyph_budget = 1024;  // ten contours of 40 points, before any glyph gets more
+constexpr std::int64_t drawn_budget = 16;    // of a job, for every point that the font stores, and
+constexpr std::int64_t in_any_case = 131'072;
 
 /// Names in broken fonts need not be UTF-8.
 std::string line_of(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
@@ -80,38 +80,34 @@ std::string place(const fontcore::Point& where) { return fontcore::text("(", whe
 std::vector<GlyphFacts> inspect(const Font& font, const std::vector<int>& glyphs, Detail detail,
                                 const JobOptions& options) {
   std::vector<GlyphFacts> all(glyphs.size());
-  std::vector<std::int64_t> owed(glyphs.size(), 0);  // what the glyph would cost beyond its own budget
+  std::vector<std::int64_t> wanted(glyphs.size(), 0);
   const auto cost = [](const BezierContour& contour) { return contour_cost + contour.point_count(); };
-  const auto look_into = [&](GlyphFacts& facts, const std::vector<BezierContour>& contours, std::int64_t budget) {
-    std::size_t next = facts.contours.size();
-    for (; next < contours.size() && cost(contours[next]) <= budget; ++next) {
-      budget -= cost(contours[next]);
-      facts.contours.push_back(facts_of(contours[next], detail, font.units_per_em));
-    }
-    facts.left_out = static_cast<int>(contours.size() - next);
-    return std::transform_reduce(contours.begin() + static_cast<std::ptrdiff_t>(next), contours.end(), std::int64_t{0},
-                                 std::plus<>(), cost);
-  };
   run_jobs(static_cast<int>(glyphs.size()), options, [&](int i) {
     const auto at = static_cast<std::size_t>(i);
     const std::vector<BezierContour> contours = outline_for(font, glyphs[at], all[at]);
     all[at].area = fontcore::signed_area(contours);
-    owed[at] = look_into(all[at], contours, glyph_budget);
+    all[at].left_out = static_cast<int>(contours.size());
+    wanted[at] = std::transform_reduce(contours.begin(), contours.end(), std::int64_t{0}, std::plus<>(), cost);
   });
 
-  std::int64_t shared = shared_budget;
-  for (const int glyph : glyphs) {
-    for (const BezierContour& contour : glyph_of(font, glyph).contours) shared += stored_budget * contour.point_count();
-  }
-  std::vector<std::pair<std::size_t, std::int64_t>> granted;
-  for (std::size_t at = 0; at < owed.size() && shared > 0; ++at) {
-    if (owed[at] == 0) continue;
-    granted.emplace_back(at, std::min(owed[at], shared));
-    shared -= granted.back().second;
-  }
-  run_jobs(static_cast<int>(granted.size()), {.jobs = options.jobs}, [&](int i) {
-    const auto [at, budget] = granted[static_cast<std::size_t>(i)];
-    look_into(all[at], compose(font, glyphs[at]), budget);
+  std::int64_t left = in_any_case + drawn_budget * drawn_points(font, glyphs);
+  std::vector<std::int64_t> granted(glyphs.size(), 0);
+  const auto grant = [&](std::size_t at, std::int64_t most) {
+    const std::int64_t more = std::min({wanted[at] - granted[at], most, left});
+    granted[at] += more;
+    left -= more;
+  };
+  for (std::size_t at = 0; at < glyphs.size(); ++at) grant(at, glyph_budget);
+  for (std::size_t at = 0; at < glyphs.size(); ++at) grant(at, wanted[at]);
+  run_jobs(static_cast<int>(glyphs.size()), {.jobs = options.jobs}, [&](int i) {
+    const auto at = static_cast<std::size_t>(i);
+    if (granted[at] == 0) return;
+    for (const BezierContour& contour : compose(font, glyphs[at])) {
+      granted[at] -= cost(contour);
+      if (granted[at] < 0) return;
+      all[at].contours.push_back(facts_of(contour, detail, font.units_per_em));
+      --all[at].left_out;
+    }
   });
   return all;
 }

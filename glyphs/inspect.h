@@ -37,9 +37,9 @@ enum class Detail { Area, Models };
 
 /// The facts of the given glyphs, in their order; the same for every number of threads.
 ///
-/// Every glyph may cost what a rich drawn one does. What a glyph costs beyond that comes out of a budget that the whole
-/// job shares, first come, first served; what is left then is counted in `GlyphFacts::left_out`. Areas are always of
-/// all contours.
+/// Looking into contours one by one comes out of a budget that the whole job shares, by what the font stores: first
+/// every glyph gets what a rich drawn one costs, then those that need more, first come, first served; what is left then
+/// is counted in `GlyphFacts::left_out`. Areas are always of all contours.
 std::vector<GlyphFacts> inspect(const Font& font, const std::vector<int>& glyphs, Detail detail,
                                 const JobOptions& options = {});
 

@@ -2,12 +2,10 @@
 
 #include <Eigen/LU>
 #include <algorithm>
-#include <bit>
 #include <iterator>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <set>
 
 #include "fontcore/alignment.h"
 #include "fontcore/crossing.h"
@@ -171,31 +169,11 @@ class CompositeCheck {
   JobOptions jobs_;
 };
 
-// What a job may cost, as GlyphResult::work: a dozen tries of every point, outlines that several glyphs draw counted
-// once, and no more points than the file has bytes for.
-std::int64_t most_work(const Font& font, const std::vector<int>& selected) {
+// What a job may cost, as GlyphResult::work: a dozen tries of every point that the font stores.
+std::int64_t most_work(const Font& font, const Recipe& recipe, const std::vector<int>& selected) {
   constexpr std::int64_t tries = 12;
-  constexpr std::int64_t bytes_a_point = 4;
   constexpr std::int64_t in_any_case = 1 << 18;
-  std::set<std::uint64_t> seen;
-  std::int64_t points = 0;
-  for (const int id : selected) {
-    const Contours& contours = font.glyphs[static_cast<std::size_t>(id)].contours;
-    std::uint64_t hash = 0;
-    for (const BezierContour& contour : contours) {
-      for (const double coordinate : contour.points().reshaped()) {
-        hash = (hash ^ std::bit_cast<std::uint64_t>(coordinate)) * 0x100000001B3U;
-      }
-    }
-    if (seen.insert(hash).second) points += stored_points(contours);
-  }
-  if (font.data) points = std::min(points, static_cast<std::int64_t>(font.data->size()) / bytes_a_point);
-  return tries * points + in_any_case;
-}
-
-bool lays_detail(const Recipe& recipe) {
-  return std::ranges::any_of(recipe.steps,
-                             [](const Step& step) { return std::holds_alternative<CharacterStep>(step); });
+  return tries * work_of_point(recipe) * drawn_points(font, selected) + in_any_case;
 }
 
 }  // namespace
@@ -207,7 +185,7 @@ RestyleResult restyle(const Font& font, const Recipe& recipe, const RestyleOptio
   const std::vector<double> zones = finds_zones ? alignment_zones(font) : std::vector<double>{};
   std::vector<GlyphResult> results(selected.size());
   const int count = static_cast<int>(selected.size());
-  const std::int64_t budget = most_work(font, selected);
+  const std::int64_t budget = most_work(font, recipe, selected);
   const int within = run_jobs_within(
       budget, count, options.jobs,
       [&](int i) {
@@ -229,7 +207,7 @@ RestyleResult restyle(const Font& font, const Recipe& recipe, const RestyleOptio
     }
     results[k].report.amount = 0.0;
     results[k].report.refused =
-        text("the work of the job is spent: the glyphs before it took ", budget, " points tried");
+        text("the work of the job is spent: the glyphs before it took all of ", budget, " points");
   }
 
   std::vector<int> crossing_composites;

@@ -81,13 +81,18 @@ struct GlyphResult {
   std::vector<std::vector<int>> came_from;  ///< per contour and point its index in the input, -1 if it is new; none
                                             ///< where all contours have the structure of the input
   GlyphReport report;
-  std::int64_t work = 0;  ///< points, every one counted as often as the steps were tried
+  std::int64_t work = 0;  ///< points, every one counted as often as the steps were tried, with detail
+                          ///< of libraries sixteen times: that is what it takes
 };
 /// `zones` are heights that the font's letters share; the glyph's own lowest and highest nodes are added if the recipe
 /// says "auto".
 /// Around `quiet` places no library's detail is laid.
 GlyphResult restyle_glyph(const Font& font, int glyph, const Recipe& recipe, const std::vector<double>& zones = {},
                           const std::vector<fontcore::Point>& quiet = {});
+/// Whether a step lays detail of a library.
+bool lays_detail(const Recipe& recipe);
+/// What a point costs as `GlyphResult::work` counts.
+std::int64_t work_of_point(const Recipe& recipe);
 /// Points that a file holds; implied nodes follow from their handles.
 std::int64_t stored_points(const std::vector<fontcore::BezierContour>& contours);
 

@@ -35,7 +35,7 @@ constexpr double first_left_out = 1.0 / 16.0;  // of a library's scale: features
 constexpr double least_texture_tolerance = 1.25;   // units: whole numbers alone move points by up to 0.7
 constexpr double most_texture_tolerance = 4.0;     // units, and eight times what is asked
 constexpr double worth_a_note = 5e-4;              // area error after rounding, relative
-constexpr std::int64_t most_glyph_work = 1 << 19;  // points times tries: 32 tries of the largest drawn glyphs
+constexpr std::int64_t most_glyph_work = 1 << 20;  // far more than any drawn glyph takes
 
 // A step of the recipe as it applies to one glyph, in font units.
 struct PlacedStep {
@@ -146,10 +146,10 @@ class GlyphEditor {
   /// Throws  WorkLimitExceeded once the tries of this glyph have cost more than any drawn one takes.
   Attempt attempt(double amount, fontcore::HandleMove handle_move = fontcore::HandleMove::Forced) {
     if (work_ > most_glyph_work) {
-      throw fontcore::WorkLimitExceeded(text("its ", stored_points(original_), " points were tried ",
-                                             work_ / stored_points(original_), " times: that is all a glyph gets"));
+      throw fontcore::WorkLimitExceeded(
+          text("its ", stored_points(original_), " points were tried too often: that took all a glyph gets"));
     }
-    work_ += stored_points(original_);
+    work_ += work_of_point(recipe_) * stored_points(original_);
     handle_move_ = handle_move;
     Attempt result;
     result.unrounded = original_;
@@ -1081,6 +1081,11 @@ std::string parts_of(const Font& font, const Glyph& glyph) {
 
 }  // namespace
 
+bool lays_detail(const Recipe& recipe) {
+  return std::ranges::any_of(recipe.steps,
+                             [](const Step& step) { return std::holds_alternative<CharacterStep>(step); });
+}
+
 std::int64_t stored_points(const Contours& contours) {
   std::int64_t points = 0;
   for (const BezierContour& contour : contours) {
@@ -1088,6 +1093,11 @@ std::int64_t stored_points(const Contours& contours) {
               std::ranges::count(contour.kinds(), fontcore::PointKind::ImpliedNode);
   }
   return points;
+}
+
+std::int64_t work_of_point(const Recipe& recipe) {
+  constexpr std::int64_t with_detail = 16;
+  return lays_detail(recipe) ? with_detail : 1;
 }
 
 GlyphResult restyle_glyph(const Font& font, int id, const Recipe& recipe, const std::vector<double>& zones,

@@ -498,6 +498,11 @@ TEST_CASE("a font whose glyphs all draw one huge outline takes no more work than
     glyph.contours = {shapes::polygon(gear)};
     last = glyph.id;
   }
+  const std::vector<int> first = first_alike(font);
+  CHECK(first[static_cast<std::size_t>(last)] < last);
+  CHECK(font.glyphs[static_cast<std::size_t>(first[static_cast<std::size_t>(last)])].contours ==
+        font.glyphs[static_cast<std::size_t>(last)].contours);
+  CHECK(drawn_points(font, first) == 2000);
   Recipe recipe;
   recipe.steps.push_back(SmoothStep{.scale = 60});
   recipe.keep.zones_auto = false;
