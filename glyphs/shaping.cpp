@@ -196,7 +196,12 @@ ShapedLine shape(const Font& font, const std::string& text, const ShapingOptions
         {static_cast<int>(infos[i].codepoint), pen + fontcore::Point(place.x_offset, place.y_offset)});
     pen += fontcore::Point(place.x_advance, place.y_advance);
   }
-  line.advance = std::abs(HB_DIRECTION_IS_VERTICAL(hb_buffer_get_direction(buffer.get())) ? pen.y() : pen.x());
+  const hb_direction_t direction = hb_buffer_get_direction(buffer.get());
+  line.direction = direction == HB_DIRECTION_RTL   ? Direction::RightToLeft
+                   : direction == HB_DIRECTION_TTB ? Direction::TopToBottom
+                   : direction == HB_DIRECTION_BTT ? Direction::BottomToTop
+                                                   : Direction::LeftToRight;
+  line.advance = std::abs(HB_DIRECTION_IS_VERTICAL(direction) ? pen.y() : pen.x());
   return line;
 }
 
