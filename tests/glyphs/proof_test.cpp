@@ -324,7 +324,7 @@ TEST_CASE("a waterfall is one text at every size, each as large as it says", "[p
   CHECK(both.width == drawn({80.0}).width);
   const auto [small_left, small_right] = both.columns(44, both.height / 3);
   const auto [left, right] = both.columns(both.height / 2, both.height);
-  CHECK(right - left == Approx(2 * (small_right - small_left)).margin(2.0));
+  CHECK(right - left == Approx(2 * (small_right - small_left)).epsilon(0.02));  // to the edges of pixels
   CHECK_THROWS_AS(drawn({40.0, 0.0}), RequestError);
 }
 
@@ -356,8 +356,15 @@ TEST_CASE("several fonts, or places of one, follow one another", "[proof]") {
 
 TEST_CASE("a glyph is compared with the one of its name, wherever it is in the other font", "[proof]") {
   const Font sans = glyphs::load_font(bundled_font("open-sans/OpenSans-Regular.ttf"));
-  const int own = glyph_of(regular(), 'a');
-  REQUIRE(glyph_of(sans, 'a') != own);
+  int own = -1;
+  for (const auto& [character, glyph] : regular().character_map) {
+    const auto found = sans.character_map.find(character);
+    if (own < 0 && found != sans.character_map.end() && found->second != glyph && character > U'\u0100' &&
+        regular().glyphs[static_cast<std::size_t>(glyph)].name ==
+            sans.glyphs[static_cast<std::size_t>(found->second)].name)
+      own = glyph;
+  }
+  REQUIRE(own >= 0);
   const auto inked = [&](const Font& against) {
     const Picture picture(glyphs::draw_glyph_proof(regular(), against, {own}, ProofFormat::Png));
     int dark = 0;
