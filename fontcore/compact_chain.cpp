@@ -22,6 +22,8 @@ constexpr double longest_handle = 1.2;
 // A step moves no handle and no join by more than this share of the arc, and turns no tangent by more.
 constexpr double longest_step = 0.35;
 constexpr double largest_turn = 0.35;  // radians
+// Pairs of control points, each once.
+constexpr int pair_of[4][4] = {{0, 1, 2, 3}, {1, 4, 5, 6}, {2, 5, 7, 8}, {3, 6, 8, 9}};
 
 }  // namespace
 
@@ -132,9 +134,8 @@ int ChainFit::count_variables() {
   return count;
 }
 
-std::vector<ChainFit::Entry> ChainFit::entries(int piece) const {
-  std::vector<Entry> list;
-  list.reserve(14);
+void ChainFit::find_entries(int piece, std::vector<Entry>& list) const {
+  list.clear();
   const int ends[2] = {piece, chain_.next(piece)};
   if (chain_.kind == CurveKind::Quadratic) {
     const auto follow_top = [&](int index, int control, double share) {
@@ -152,7 +153,7 @@ std::vector<ChainFit::Entry> ChainFit::entries(int piece) const {
         list.push_back({join_variable_[at(ends[e])], 2 * e, join.rail});
       }
     }
-    return list;
+    return;
   }
   for (int e = 0; e < 2; ++e) {
     const Join& join = chain_.joins[at(ends[e])];
@@ -173,10 +174,10 @@ std::vector<ChainFit::Entry> ChainFit::entries(int piece) const {
     if (join.turns) list.push_back({variable++, handle, reach * left_of(join.tangent)});
     list.push_back({piece_variable_[at(piece)] + e, handle, e == 0 ? join.tangent : Point(-join.tangent)});
   }
-  return list;
 }
 
 // The point of the chain nearest to every sample, by Newton's method from where it was; over joins into the next piece.
+template <int degree>
 double ChainFit::project(int newton) {
   struct Polynomial {
     double x[4];
@@ -191,17 +192,28 @@ double ChainFit::project(int newton) {
       double* const c = axis == 0 ? q.x : q.y;
       const auto p = [&](std::size_t j) { return b.p[j][axis]; };
       c[0] = p(0);
-      if (b.degree == 3) {
+      if constexpr (degree == 3) {
         c[1] = 3.0 * (p(1) - p(0));
         c[2] = 3.0 * (p(2) - 2.0 * p(1) + p(0));
         c[3] = p(3) - p(0) - 3.0 * (p(2) - p(1));
       } else {
         c[1] = 2.0 * (p(1) - p(0));
         c[2] = p(2) - 2.0 * p(1) + p(0);
-        c[3] = 0.0;
       }
     }
   }
+  const auto place = [](const double* c, double u) {
+    if constexpr (degree == 3) return ((c[3] * u + c[2]) * u + c[1]) * u + c[0];
+    return (c[2] * u + c[1]) * u + c[0];
+  };
+  const auto slope_at = [](const double* c, double u) {
+    if constexpr (degree == 3) return (3.0 * c[3] * u + 2.0 * c[2]) * u + c[1];
+    return 2.0 * c[2] * u + c[1];
+  };
+  const auto bend_at = [](const double* c, double u) {
+    if constexpr (degree == 3) return 6.0 * c[3] * u + 2.0 * c[2];
+    return 2.0 * c[2];
+  };
   const Join& first = chain_.joins.front();
   const Join& last = chain_.joins.back();
   double worst = 0.0;
@@ -215,12 +227,12 @@ double ChainFit::project(int newton) {
     int hops = 0;
     for (int round = 0; round < newton + hops; ++round) {
       const Polynomial& c = polynomials[at(piece)];
-      const double ex = ((c.x[3] * u + c.x[2]) * u + c.x[1]) * u + c.x[0] - q.x();
-      const double ey = ((c.y[3] * u + c.y[2]) * u + c.y[1]) * u + c.y[0] - q.y();
-      const double dx = (3.0 * c.x[3] * u + 2.0 * c.x[2]) * u + c.x[1];
-      const double dy = (3.0 * c.y[3] * u + 2.0 * c.y[2]) * u + c.y[1];
-      const double bx = 6.0 * c.x[3] * u + 2.0 * c.x[2];
-      const double by = 6.0 * c.y[3] * u + 2.0 * c.y[2];
+      const double ex = place(c.x, u) - q.x();
+      const double ey = place(c.y, u) - q.y();
+      const double dx = slope_at(c.x, u);
+      const double dy = slope_at(c.y, u);
+      const double bx = bend_at(c.x, u);
+      const double by = bend_at(c.y, u);
       const double square = dx * dx + dy * dy;
       const double slope = std::max(square + ex * bx + ey * by, 0.3 * square) + 1e-12;
       u -= std::clamp((ex * dx + ey * dy) / slope, -0.3, 0.3);
@@ -252,10 +264,10 @@ double ChainFit::project(int newton) {
     foot.residual = 0.0;
     if (!foot.is_active) continue;
     const Polynomial& c = polynomials[at(piece)];
-    const double ex = ((c.x[3] * u + c.x[2]) * u + c.x[1]) * u + c.x[0] - q.x();
-    const double ey = ((c.y[3] * u + c.y[2]) * u + c.y[1]) * u + c.y[0] - q.y();
-    const double dx = (3.0 * c.x[3] * u + 2.0 * c.x[2]) * u + c.x[1];
-    const double dy = (3.0 * c.y[3] * u + 2.0 * c.y[2]) * u + c.y[1];
+    const double ex = place(c.x, u) - q.x();
+    const double ey = place(c.y, u) - q.y();
+    const double dx = slope_at(c.x, u);
+    const double dy = slope_at(c.y, u);
     const double scale = 1.0 / std::sqrt(dx * dx + dy * dy + 1e-18);
     Point normal(-dy * scale, dx * scale);
     double distance = ex * normal.x() + ey * normal.y();
@@ -315,11 +327,53 @@ void ChainFit::apply(const Eigen::VectorXd& step, double scale) {
   }
 }
 
+template <int degree>
+void ChainFit::sum_up(std::vector<Sums>& sums, double& weights, double& squares) const {
+  for (const Foot& foot : feet_) {
+    if (!foot.is_active) continue;
+    const double u = foot.u;
+    const double v = 1.0 - u;
+    double b[4];
+    if constexpr (degree == 3) {
+      b[0] = v * v * v;
+      b[1] = 3.0 * v * v * u;
+      b[2] = 3.0 * v * u * u;
+      b[3] = u * u * u;
+    } else {
+      b[0] = v * v;
+      b[1] = 2.0 * v * u;
+      b[2] = u * u;
+    }
+    Sums& s = sums[at(foot.piece)];
+    const double w = foot.weight;
+    const double nx = foot.normal.x();
+    const double ny = foot.normal.y();
+    weights += w;
+    squares += w * foot.residual * foot.residual;
+    const double wxx = w * nx * nx;
+    const double wxy = w * nx * ny;
+    const double wyy = w * ny * ny;
+    const double rx = w * foot.residual * nx;
+    const double ry = w * foot.residual * ny;
+    for (int i = 0; i <= degree; ++i) {
+      for (int j = i; j <= degree; ++j) {
+        const double both = b[i] * b[j];
+        s.xx[pair_of[i][j]] += wxx * both;
+        s.xy[pair_of[i][j]] += wxy * both;
+        s.yy[pair_of[i][j]] += wyy * both;
+      }
+      s.x[i] -= rx * b[i];
+      s.y[i] -= ry * b[i];
+    }
+  }
+}
+
 // Gauss-Newton on the orthogonal distances; after two plain rounds weights are multiplied by the distances (Lawson),
 // which leads from least squares to the least maximum. The weighted mean square at a solution bounds that from below.
 bool ChainFit::solve(double distance, int rounds, Until until) {
   if (worst_ <= distance && until == Until::Within) return true;
   for (Foot& foot : feet_) foot.weight = 1.0;
+  const bool cubic = chain_.kind == CurveKind::Cubic;
   const int k = chain_.size();
   const int n = variables_;
   if (n == 0) return worst_ <= distance;
@@ -327,27 +381,21 @@ bool ChainFit::solve(double distance, int rounds, Until until) {
   std::vector<Foot> best_feet = feet_;
   double least = worst_;
 
-  struct Sums {
-    double xx[10];  // of pairs of control points, i <= j
-    double xy[10];
-    double yy[10];
-    double x[4];
-    double y[4];
-  };
   std::vector<Sums> sums(at(k));
   std::vector<int> first(at(n));
   std::vector<double> diagonal(at(n));
   std::vector<std::vector<Entry>> follow(at(k));
   Eigen::VectorXd limit(n);
-  for (int i = 0; i < k; ++i) {  // a variable that two pieces share has the smaller limit
-    for (const Entry& e : entries(i)) limit[e.variable] = std::numeric_limits<double>::infinity();
-  }
   for (int i = 0; i < k; ++i) {
-    follow[at(i)] = entries(i);
+    follow[at(i)].reserve(14);
+    find_entries(i, follow[at(i)]);
+    for (const Entry& e : follow[at(i)]) limit[e.variable] = std::numeric_limits<double>::infinity();
+  }
+  for (int i = 0; i < k; ++i) {  // a variable that two pieces share has the smaller limit
     for (const Entry& e : follow[at(i)])
       limit[e.variable] = std::min(limit[e.variable], longest_step * chain_.arc[at(i)]);
   }
-  if (chain_.kind == CurveKind::Cubic) {
+  if (cubic) {
     for (std::size_t j = 0; j < chain_.joins.size(); ++j) {
       const Join& join = chain_.joins[j];
       if (join.turns) limit[join_variable_[j] + (join.moves ? 2 : 0) + (join.slides ? 1 : 0)] = largest_turn;
@@ -367,57 +415,22 @@ bool ChainFit::solve(double distance, int rounds, Until until) {
     std::fill(sums.begin(), sums.end(), Sums{});
     double weights = 0.0;
     double squares = 0.0;
-    for (const Foot& foot : feet_) {
-      if (!foot.is_active) continue;
-      const double u = foot.u;
-      const double v = 1.0 - u;
-      double b[4];
-      if (chain_.kind == CurveKind::Cubic) {
-        b[0] = v * v * v;
-        b[1] = 3.0 * v * v * u;
-        b[2] = 3.0 * v * u * u;
-        b[3] = u * u * u;
-      } else {
-        b[0] = v * v;
-        b[1] = 2.0 * v * u;
-        b[2] = u * u;
-        b[3] = 0.0;
-      }
-      Sums& s = sums[at(foot.piece)];
-      const double w = foot.weight;
-      const double nx = foot.normal.x();
-      const double ny = foot.normal.y();
-      weights += w;
-      squares += w * foot.residual * foot.residual;
-      const double wxx = w * nx * nx;
-      const double wxy = w * nx * ny;
-      const double wyy = w * ny * ny;
-      const double pairs[10] = {b[0] * b[0], b[0] * b[1], b[0] * b[2], b[0] * b[3], b[1] * b[1],
-                                b[1] * b[2], b[1] * b[3], b[2] * b[2], b[2] * b[3], b[3] * b[3]};
-      for (int i = 0; i < 10; ++i) {
-        s.xx[i] += wxx * pairs[i];
-        s.xy[i] += wxy * pairs[i];
-        s.yy[i] += wyy * pairs[i];
-      }
-      const double rx = w * foot.residual * nx;
-      const double ry = w * foot.residual * ny;
-      for (int i = 0; i < 4; ++i) {
-        s.x[i] -= rx * b[i];
-        s.y[i] -= ry * b[i];
-      }
+    if (cubic) {
+      sum_up<3>(sums, weights, squares);
+    } else {
+      sum_up<2>(sums, weights, squares);
     }
 
     ProfileSystem system(first);
     Eigen::VectorXd right = Eigen::VectorXd::Zero(n);
     for (int i = 0; i < k; ++i) {
-      if (round > 0) follow[at(i)] = entries(i);
+      if (round > 0 && cubic) find_entries(i, follow[at(i)]);  // those of quadratics stay
       const Sums& s = sums[at(i)];
       for (const Entry& e : follow[at(i)]) {
         right[e.variable] += e.by.x() * s.x[e.control] + e.by.y() * s.y[e.control];
         for (const Entry& f : follow[at(i)]) {
           if (f.variable > e.variable) continue;
-          constexpr int pair[4][4] = {{0, 1, 2, 3}, {1, 4, 5, 6}, {2, 5, 7, 8}, {3, 6, 8, 9}};
-          const int c = pair[e.control][f.control];
+          const int c = pair_of[e.control][f.control];
           system.entry(e.variable, f.variable) += e.by.x() * (f.by.x() * s.xx[c] + f.by.y() * s.xy[c]) +
                                                   e.by.y() * (f.by.x() * s.xy[c] + f.by.y() * s.yy[c]);
         }

@@ -107,6 +107,14 @@ class ChainFit {
     Point normal = Point::Zero();
     bool is_active = true;
   };
+  // Of one piece, over its feet: what the normal equations are made of.
+  struct Sums {
+    double xx[10];  // of pairs of control points, i <= j
+    double xy[10];
+    double yy[10];
+    double x[4];
+    double y[4];
+  };
   struct Entry {  // how a control point follows a variable
     int variable;
     int control;
@@ -114,8 +122,12 @@ class ChainFit {
   };
 
   int count_variables();
+  double project(int newton) { return chain_.kind == CurveKind::Cubic ? project<3>(newton) : project<2>(newton); }
+  template <int degree>
   double project(int newton);
-  std::vector<Entry> entries(int piece) const;
+  template <int degree>
+  void sum_up(std::vector<Sums>& sums, double& weights, double& squares) const;
+  void find_entries(int piece, std::vector<Entry>& list) const;
   void apply(const Eigen::VectorXd& step, double scale);
   void place_quadratics();
 

@@ -13,6 +13,7 @@
 #include "fontcore/nonuniform.h"
 #include "fontcore/tensor.h"
 #include "fontcore/outline_curve.h"
+#include "fontcore/curvature.h"
 #include "fontcore/arcwise.h"
 #include "fontcore/soften.h"
 #include "fontcore/constraint.h"

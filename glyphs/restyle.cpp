@@ -270,10 +270,10 @@ RestyleResult restyle(const Font& font, const Recipe& recipe, const RestyleOptio
     report.size.bytes_after = bytes_after[static_cast<std::size_t>(report.glyph)];
     const auto& dropped = result.font.dropped_instructions;
     if (std::binary_search(dropped.begin(), dropped.end(), report.glyph)) {
-      report.dropped.emplace_back("instructions: they were made for the points where they stood");
+      report.dropped.emplace_back("instructions: they were made for the points that were");
     }
     if (std::ranges::binary_search(result.font.dropped_hints, report.glyph)) {
-      report.dropped.emplace_back("hints: they were made for the stems where they stood");
+      report.dropped.emplace_back("hints: they were made for the points that were");
     }
     if (const auto emptied = result.font.emptied.find(report.glyph); emptied != result.font.emptied.end()) {
       report.refused = text("comes out empty: ", emptied->second);

@@ -56,12 +56,28 @@ hb_position_t advance_of(hb_font_t*, void* font, hb_codepoint_t glyph, void*) {
   return glyph < glyphs.size() ? static_cast<hb_position_t>(std::lround(glyphs[glyph].advance)) : 0;
 }
 
+/// Downwards from ascender to descender, as HarfBuzz does for fonts without vertical metrics; without these functions
+/// it would go up.
+hb_position_t vertical_advance_of(hb_font_t*, void* font, hb_codepoint_t, void*) {
+  const auto& own = *static_cast<const Font*>(font);
+  return static_cast<hb_position_t>(std::lround(own.descender - own.ascender));
+}
+
+hb_bool_t vertical_origin_of(hb_font_t* sized, void* font, hb_codepoint_t glyph, hb_position_t* x, hb_position_t* y,
+                             void* user) {
+  *x = advance_of(sized, font, glyph, user) / 2;
+  *y = static_cast<hb_position_t>(std::lround(static_cast<const Font*>(font)->ascender));
+  return 1;
+}
+
 /// A font without tables, by its characters and advances.
 void set_functions(hb_font_t* sized, const Font& font) {
   using Functions = std::unique_ptr<hb_font_funcs_t, Destroy<hb_font_funcs_destroy>>;
   const Functions functions(hb_font_funcs_create());
   hb_font_funcs_set_nominal_glyph_func(functions.get(), nominal_glyph, nullptr, nullptr);
   hb_font_funcs_set_glyph_h_advance_func(functions.get(), advance_of, nullptr, nullptr);
+  hb_font_funcs_set_glyph_v_advance_func(functions.get(), vertical_advance_of, nullptr, nullptr);
+  hb_font_funcs_set_glyph_v_origin_func(functions.get(), vertical_origin_of, nullptr, nullptr);
   // The functions only read it; HarfBuzz hands them a pointer to what it takes as its own.
   hb_font_set_funcs(sized, functions.get(), const_cast<Font*>(&font), nullptr);
 }
@@ -196,7 +212,12 @@ ShapedLine shape(const Font& font, const std::string& text, const ShapingOptions
         {static_cast<int>(infos[i].codepoint), pen + fontcore::Point(place.x_offset, place.y_offset)});
     pen += fontcore::Point(place.x_advance, place.y_advance);
   }
-  line.advance = std::abs(HB_DIRECTION_IS_VERTICAL(hb_buffer_get_direction(buffer.get())) ? pen.y() : pen.x());
+  const hb_direction_t direction = hb_buffer_get_direction(buffer.get());
+  line.direction = direction == HB_DIRECTION_RTL   ? Direction::RightToLeft
+                   : direction == HB_DIRECTION_TTB ? Direction::TopToBottom
+                   : direction == HB_DIRECTION_BTT ? Direction::BottomToTop
+                                                   : Direction::LeftToRight;
+  line.advance = std::abs(HB_DIRECTION_IS_VERTICAL(direction) ? pen.y() : pen.x());
   return line;
 }
 

@@ -20,13 +20,17 @@ struct ShapingOptions {
   std::string direction;  ///< ltr, rtl, ttb, btt; empty: guessed
 };
 
+enum class Direction { LeftToRight, RightToLeft, TopToBottom, BottomToTop };
+
 struct ShapedLine {
   std::vector<PlacedGlyph> glyphs;  ///< in the order they are seen: left to right, or top to bottom
-  double advance = 0.0;             ///< how far the line runs, font units; not negative
+  Direction direction = Direction::LeftToRight;
+  double advance = 0.0;  ///< how far the line runs, font units; not negative
 };
 
-/// Sets one line of UTF-8 text by HarfBuzz. Characters that the font lacks give its glyph 0, in a UFO its .notdef. A
-/// UFO, whose features are source, is set by its characters and advances alone.
+/// Sets one line of UTF-8 text by HarfBuzz, as one run: of one script, language and direction. Characters that the font
+/// lacks give its glyph 0, in a UFO its .notdef. A UFO, whose features are source, is set by its characters and
+/// advances alone.
 ///
 /// Throws  RequestError if the text is empty or not UTF-8, on an unknown script or direction, a malformed language, or
 ///         a feature that is malformed or switched on though the font has none of that name.

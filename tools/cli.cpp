@@ -96,6 +96,7 @@ struct Command {
   const char* help;
   void (*add_options)(CLI::App&, Options&);
   Outcome (*run)(const Options&);
+  bool takes_places = false;  ///< several of them
 };
 
 CLI::Option* add_output(CLI::App& app, Options& options, const char* help) {
@@ -293,13 +294,20 @@ constexpr std::array<Command, 12> table{{
      [](CLI::App& app, Options& options) {
        add_output(app, options, "the picture, .png, .pdf or .svg")->required();
        app.add_option("--against", options.proof.against, "the font before");
-       app.add_option("--show", options.proof.show, "nodes, crossings, level=LENGTH (font units)")->delimiter(',');
+       app.add_option("--show", options.proof.show,
+                      "nodes, crossings, comb (curvature; comb=LENGTH: of its teeth in ems where the radius is an em), "
+                      "level=LENGTH (font units; repeatable)")
+           ->delimiter(',');
+       app.add_option("--sizes", options.proof.sizes, "pixels per em; several: a waterfall of --text; 160 unless given")
+           ->delimiter(',');
      },
      [](const Options& options) {
        commands::ProofRequest proof = options.proof;
        proof.output = options.output;
+       proof.locations = options.locations;
        return commands::proof(options.request, proof);
-     }},
+     },
+     true},
 }};
 
 /// What commands of two words have in common.
@@ -330,11 +338,10 @@ void add_common_options(CLI::App& app, Options& options) {
 }
 
 Outcome run(const Command& command, Options& options) {
-  if (options.locations.size() > 1) throw RequestError("--location: one place at a time");
-  if (!options.locations.empty()) {
-    if (options.locations[0].empty()) throw RequestError("--location: names no place; wght=650 would be one");
-    options.request.location = options.locations[0];
-  }
+  if (options.locations.size() > 1 && !command.takes_places) throw RequestError("--location: one place at a time");
+  for (const std::string& place : options.locations)
+    if (place.empty()) throw RequestError("--location: names no place; wght=650 would be one");
+  if (!options.locations.empty()) options.request.location = options.locations[0];
   Progress progress(std::string("glyphwave ") + command.name);
   if (!options.no_progress && !options.request.quiet)
     options.request.jobs.progress = [&](int done, int total) { progress.show(done, total); };

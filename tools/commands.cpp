@@ -769,15 +769,66 @@ Outcome convert(const Request& request, const ConvertRequest& convert) {
 
 namespace {
 
-// The LENGTH of level=LENGTH.
-double level_of(const std::string& show) {
+// The LENGTH of level=LENGTH, or of comb=LENGTH.
+double length_in(const std::string& show, const char* what) {
   const std::string digits = show.substr(show.find('=') + 1);
   double length = 0.0;
   const auto [end, status] = std::from_chars(digits.data(), digits.data() + digits.size(), length);
   if (status != std::errc() || end != digits.data() + digits.size() || !(length >= 0.0) || !std::isfinite(length)) {
-    throw RequestError("--show " + show + ": a level is named by a length in font units");
+    throw RequestError("--show " + show + ": " + what);
   }
   return length;
+}
+
+glyphs::ProofOptions options_of(const Request& request, const ProofRequest& proof) {
+  glyphs::ProofOptions options;
+  options.shaping = request.shaping;
+  for (const std::string& show : proof.show) {
+    if (show == "nodes") {
+      options.nodes = true;
+    } else if (show == "crossings") {
+      options.crossings = true;
+    } else if (show == "comb") {
+      options.comb = 0.0;
+    } else if (show.starts_with("comb=")) {
+      options.comb =
+          length_in(show, "a comb is measured by the length of its teeth, in ems, where the radius is an em");
+    } else if (show.starts_with("level=")) {
+      options.levels.push_back(length_in(show, "a level is named by a length in font units"));
+    } else {
+      throw RequestError("--show " + show + ": it is none of nodes, crossings, comb, comb=LENGTH, level=LENGTH");
+    }
+  }
+  if (proof.sizes.size() == 1) options.pixels_per_em = proof.sizes[0];
+  if (proof.sizes.size() > 1) options.waterfall = proof.sizes;
+  if (request.text && !request.glyphs.empty()) throw RequestError("--glyphs and --text cannot both select");
+  if (!request.text && !options.waterfall.empty()) throw RequestError("--sizes: several are for --text");
+  return options;
+}
+
+// A font and the one before it, at one place.
+struct Compared {
+  std::string place;
+  Font font;
+  std::optional<Font> against;
+};
+
+std::vector<Compared> load_compared(const Request& request, const ProofRequest& proof) {
+  std::vector<Compared> loaded;
+  for (const std::string& place : proof.locations.empty() ? std::vector<std::string>{""} : proof.locations) {
+    Request there = request;
+    there.location = place;
+    Compared& compared = loaded.emplace_back(Compared{place, load(there), std::nullopt});
+    if (proof.against.empty()) continue;
+    // A font that does not vary is the same everywhere.
+    compared.against = glyphs::load_font(proof.against);
+    if (compared.against->is_variable && !place.empty()) {
+      there.font = proof.against;
+      there.face = 0;
+      compared.against = load(there);
+    }
+  }
+  return loaded;
 }
 
 }  // namespace
@@ -785,26 +836,19 @@ double level_of(const std::string& show) {
 Outcome proof(const Request& request, const ProofRequest& proof) {
   const glyphs::ProofFormat format = glyphs::proof_format(proof.output);
   check_outputs({request.font, proof.against}, {proof.output});
-  glyphs::ProofOptions options;
-  options.shaping = request.shaping;
-  for (const std::string& show : proof.show) {
-    if (show == "nodes")
-      options.nodes = true;
-    else if (show == "crossings")
-      options.crossings = true;
-    else if (show.starts_with("level="))
-      options.level = level_of(show);
-    else
-      throw RequestError("--show " + show + ": it is none of nodes, crossings, level=LENGTH");
-  }
-  if (request.text && !request.glyphs.empty()) throw RequestError("--glyphs and --text cannot both select");
+  const glyphs::ProofOptions options = options_of(request, proof);
 
-  const Font font = load(request);
-  std::optional<Font> against;
-  if (!proof.against.empty()) against = glyphs::load_font(proof.against);
+  const std::vector<Compared> loaded = load_compared(request, proof);
   const glyphs::Bytes picture = naming(request.font, [&] {
-    return request.text ? glyphs::draw_proof(font, against, *request.text, format, options)
-                        : glyphs::draw_glyph_proof(font, against, selected(request, font), format, options);
+    if (request.text) {
+      std::vector<glyphs::ProofedFont> fonts;
+      for (const auto& [place, font, against] : loaded) fonts.push_back({font, against ? &*against : nullptr, place});
+      return glyphs::draw_proof(fonts, *request.text, format, options);
+    }
+    glyphs::GlyphProof sheet(options);
+    for (const auto& [place, font, against] : loaded)
+      sheet.add(font, against ? &*against : nullptr, selected(request, font), place);
+    return sheet.draw(format);
   });
   glyphs::write_file(proof.output, picture);
   if (request.json) return {nlohmann::json{{"version", 1}, {"written", {proof.output}}}.dump() + "\n", "", 0};

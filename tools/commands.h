@@ -138,10 +138,13 @@ struct ConvertRequest {
 };
 Outcome convert(const Request& request, const ConvertRequest& convert);
 
+/// `request.location` aside.
 struct ProofRequest {
   std::string output;
-  std::string against;            ///< empty: nothing to compare with
-  std::vector<std::string> show;  ///< nodes, crossings, level=LENGTH
+  std::string against;                 ///< empty: nothing to compare with
+  std::vector<std::string> show;       ///< nodes, crossings, comb, comb=LENGTH, level=LENGTH
+  std::vector<double> sizes;           ///< pixels per em: one for all, several for a waterfall of text; none: usual
+  std::vector<std::string> locations;  ///< of a variable font, one after the other; none: its default
 };
 Outcome proof(const Request& request, const ProofRequest& proof);
 

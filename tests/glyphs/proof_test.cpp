@@ -6,6 +6,7 @@
 #include FT_OUTLINE_H
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdlib>
 
@@ -101,28 +102,63 @@ std::uint32_t big_endian(const Bytes& bytes, std::size_t at) {
          bytes[at + 3];
 }
 
+/// A PNG as it is seen: rows of red, green, blue.
+class Picture {
+ public:
+  explicit Picture(const Bytes& png) {
+    auto rest = std::pair(png.data(), png.data() + png.size());
+    cairo_surface_t* image = cairo_image_surface_create_from_png_stream(
+        [](void* source, unsigned char* to, unsigned length) {
+          auto& [next, end] = *static_cast<std::pair<const unsigned char*, const unsigned char*>*>(source);
+          if (end - next < static_cast<std::ptrdiff_t>(length)) return CAIRO_STATUS_READ_ERROR;
+          std::copy(next, next + length, to);
+          next += length;
+          return CAIRO_STATUS_SUCCESS;
+        },
+        &rest);
+    REQUIRE(cairo_surface_status(image) == CAIRO_STATUS_SUCCESS);
+    width = cairo_image_surface_get_width(image);
+    height = cairo_image_surface_get_height(image);
+    for (int y = 0; y < height; ++y)
+      for (int x = 0; x < width; ++x) {
+        const unsigned char* pixel =
+            cairo_image_surface_get_data(image) + y * cairo_image_surface_get_stride(image) + 4 * x;
+        pixels_.push_back({pixel[2], pixel[1], pixel[0]});
+      }
+    cairo_surface_destroy(image);
+  }
+  int red(int x, int y) const { return at(x, y)[0]; }
+  int blue(int x, int y) const { return at(x, y)[2]; }
+  bool is_ink(int x, int y) const { return red(x, y) < 100; }
+  bool is_coloured(int x, int y) const {
+    const auto [low, high] = std::minmax({at(x, y)[0], at(x, y)[1], at(x, y)[2]});
+    return high - low > 16;
+  }
+  /// Columns of ink from a row on, first and last.
+  std::pair<int, int> columns(int first_row, int end_row) const {
+    std::pair<int, int> found{width, -1};
+    for (int y = first_row; y < end_row; ++y)
+      for (int x = 0; x < width; ++x)
+        if (is_ink(x, y)) found = {std::min(found.first, x), std::max(found.second, x)};
+    return found;
+  }
+
+  int width = 0;
+  int height = 0;
+
+ private:
+  const std::array<unsigned char, 3>& at(int x, int y) const {
+    return pixels_[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)];
+  }
+  std::vector<std::array<unsigned char, 3>> pixels_;
+};
+
 /// Pixels of a PNG below the first rows that are not grey.
 int coloured_pixels(const Bytes& png, int first_row) {
-  auto rest = std::pair(png.data(), png.data() + png.size());
-  cairo_surface_t* image = cairo_image_surface_create_from_png_stream(
-      [](void* source, unsigned char* to, unsigned length) {
-        auto& [next, end] = *static_cast<std::pair<const unsigned char*, const unsigned char*>*>(source);
-        if (end - next < static_cast<std::ptrdiff_t>(length)) return CAIRO_STATUS_READ_ERROR;
-        std::copy(next, next + length, to);
-        next += length;
-        return CAIRO_STATUS_SUCCESS;
-      },
-      &rest);
-  REQUIRE(cairo_surface_status(image) == CAIRO_STATUS_SUCCESS);
+  const Picture picture(png);
   int count = 0;
-  for (int y = first_row; y < cairo_image_surface_get_height(image); ++y)
-    for (int x = 0; x < cairo_image_surface_get_width(image); ++x) {
-      const unsigned char* pixel =
-          cairo_image_surface_get_data(image) + y * cairo_image_surface_get_stride(image) + 4 * x;
-      const auto [low, high] = std::minmax({pixel[0], pixel[1], pixel[2]});
-      if (high - low > 16) ++count;
-    }
-  cairo_surface_destroy(image);
+  for (int y = first_row; y < picture.height; ++y)
+    for (int x = 0; x < picture.width; ++x) count += picture.is_coloured(x, y) ? 1 : 0;
   return count;
 }
 
@@ -187,8 +223,13 @@ TEST_CASE("a proof's format follows the file's ending", "[proof]") {
 TEST_CASE("the same proof twice is the same bytes, without a date", "[proof]") {
   unsetenv("SOURCE_DATE_EPOCH");
   for (const ProofFormat format : {ProofFormat::Png, ProofFormat::Pdf, ProofFormat::Svg}) {
-    const Bytes first = glyphs::draw_proof(regular(), bold(), "ag", format);
-    CHECK(glyphs::draw_proof(regular(), bold(), "ag", format) == first);
+    glyphs::ProofOptions all;
+    all.nodes = all.crossings = true;
+    all.comb = 0.0;
+    all.levels = {60.0, 300.0};
+    all.waterfall = {30.0, 90.0};
+    const Bytes first = glyphs::draw_proof(regular(), bold(), "ag", format, all);
+    CHECK(glyphs::draw_proof(regular(), bold(), "ag", format, all) == first);
     CHECK(as_text(first).find("CreationDate") == std::string::npos);
     const Bytes sheet = glyphs::draw_glyph_proof(regular(), bold(), {36, 37, 38}, format);
     CHECK(glyphs::draw_glyph_proof(regular(), bold(), {36, 37, 38}, format) == sheet);
@@ -200,6 +241,11 @@ TEST_CASE("a PDF is dated by SOURCE_DATE_EPOCH and by nothing else", "[proof]") 
   const std::string dated = as_text(glyphs::draw_proof(regular(), {}, "a", ProofFormat::Pdf));
   unsetenv("SOURCE_DATE_EPOCH");
   CHECK(dated.find("(19700102000000") != std::string::npos);
+  for (const char* wrong : {"", "soon", "12h", "-1"}) {
+    setenv("SOURCE_DATE_EPOCH", wrong, 1);
+    CHECK_THROWS_WITH(glyphs::draw_proof(regular(), {}, "a", ProofFormat::Pdf), Catch::Contains("SOURCE_DATE_EPOCH"));
+  }
+  unsetenv("SOURCE_DATE_EPOCH");
 }
 
 TEST_CASE("a picture that compares has three rows to a line and is as wide as the wider font", "[proof]") {
@@ -224,22 +270,121 @@ TEST_CASE("a font against itself shows nothing that went or came, and against an
 }
 
 TEST_CASE("a level is drawn beside the ink it departs from, and at its corners on it", "[proof]") {
-  const auto drawn = [](std::optional<double> level) {
+  const auto drawn = [](const std::vector<double>& levels) {
     glyphs::ProofOptions options;
-    options.level = level;
+    options.levels = levels;
     return glyphs::draw_glyph_proof(regular(), {}, {glyph_of(regular(), 'a')}, ProofFormat::Svg, options);
   };
-  CHECK(drawn({}) != drawn(0.0));
-  CHECK(drawn(0.0) != drawn(2000.0));
-  CHECK(drawn(300.0) == drawn(300.0));
+  CHECK(drawn({}) != drawn({0.0}));
+  CHECK(drawn({0.0}) != drawn({2000.0}));
+  CHECK(drawn({300.0}) == drawn({300.0}));
   // Fewer spans, fewer dots.
   const auto dots = [&](double level) {
-    const std::string text = as_text(drawn(level));
+    const std::string text = as_text(drawn({level}));
     std::size_t count = 0;
-    for (std::size_t at = text.find("72%"); at != std::string::npos; at = text.find("72%", at + 1)) ++count;
+    for (std::size_t at = text.find("62%"); at != std::string::npos; at = text.find("62%", at + 1)) ++count;
     return count;
   };
   CHECK(dots(2000.0) < dots(100.0));
+}
+
+TEST_CASE("several levels stand side by side, glyphs in cells and text in rows", "[proof]") {
+  glyphs::ProofOptions one;
+  one.levels = {60.0};
+  glyphs::ProofOptions three;
+  three.levels = {60.0, 200.0, 600.0};
+  const std::vector<int> glyph{glyph_of(regular(), 'a')};
+  CHECK(Picture(glyphs::draw_glyph_proof(regular(), {}, glyph, ProofFormat::Png, three)).width >
+        2 * Picture(glyphs::draw_glyph_proof(regular(), {}, glyph, ProofFormat::Png, one)).width);
+  CHECK(Picture(glyphs::draw_proof(regular(), {}, "a", ProofFormat::Png, three)).height >
+        2 * Picture(glyphs::draw_proof(regular(), {}, "a", ProofFormat::Png, one)).height);
+}
+
+TEST_CASE("a comb stands on curves alone, and as long as is asked", "[proof]") {
+  const auto coloured = [](char letter, std::optional<double> comb) {
+    glyphs::ProofOptions options;
+    options.comb = comb;
+    return coloured_pixels(
+        glyphs::draw_glyph_proof(regular(), {}, {glyph_of(regular(), letter)}, ProofFormat::Png, options), 0);
+  };
+  CHECK(coloured('o', {}) == 0);
+  CHECK(coloured('o', 0.02) > coloured('o', 0.005));
+  CHECK(coloured('o', 0.0) > 1000);
+  // On straight lines its tips lie on the outline: a line and no teeth.
+  CHECK(coloured('H', 1.0) == coloured('H', 0.01));
+}
+
+TEST_CASE("a waterfall is one text at every size, each as large as it says", "[proof]") {
+  const auto drawn = [](const std::vector<double>& sizes) {
+    glyphs::ProofOptions options;
+    options.waterfall = sizes;
+    return Picture(glyphs::draw_proof(regular(), {}, "HHHHHHHHHHHH", ProofFormat::Png, options));
+  };
+  const Picture both = drawn({40.0, 80.0});
+  CHECK(both.width == drawn({80.0}).width);
+  const auto [small_left, small_right] = both.columns(44, both.height / 3);
+  const auto [left, right] = both.columns(both.height / 2, both.height);
+  CHECK(right - left == Approx(2 * (small_right - small_left)).epsilon(0.02));  // to the edges of pixels
+  CHECK_THROWS_AS(drawn({40.0, 0.0}), RequestError);
+}
+
+TEST_CASE("lines from right to left end at the right, and vertical ones are columns from right to left", "[proof]") {
+  const auto drawn = [](const char* direction) {
+    glyphs::ProofOptions options;
+    options.shaping.direction = direction;
+    return Picture(glyphs::draw_proof(regular(), {}, "HHHHHH\nH", ProofFormat::Png, options));
+  };
+  const Picture forward = drawn("ltr");
+  const Picture backward = drawn("rtl");
+  REQUIRE(forward.width == backward.width);
+  const int lower = 2 * forward.height / 3;
+  CHECK(forward.columns(lower, forward.height).second < forward.width / 2);
+  CHECK(backward.columns(lower, backward.height).first > backward.width / 2);
+  const Picture down = drawn("ttb");
+  CHECK(down.height > 2 * down.width);
+  const int halfway = down.height / 2;
+  CHECK(down.columns(halfway, down.height).first > down.columns(44, halfway).first);
+}
+
+TEST_CASE("several fonts, or places of one, follow one another", "[proof]") {
+  const Bytes both = glyphs::draw_proof({{regular(), nullptr, ""}, {bold(), nullptr, ""}}, "Ham", ProofFormat::Png);
+  const Bytes one = glyphs::draw_proof({{regular(), nullptr, ""}}, "Ham", ProofFormat::Png);
+  CHECK(Picture(both).height > Picture(one).height * 3 / 2);
+  CHECK(glyphs::draw_proof(regular(), {}, "Ham", ProofFormat::Png) == one);
+  CHECK_THROWS_AS(glyphs::draw_proof(std::vector<glyphs::ProofedFont>{}, "Ham", ProofFormat::Png), RequestError);
+}
+
+TEST_CASE("a glyph is compared with the one of its name, wherever it is in the other font", "[proof]") {
+  const Font sans = glyphs::load_font(bundled_font("open-sans/OpenSans-Regular.ttf"));
+  int own = -1;
+  for (const auto& [character, glyph] : regular().character_map) {
+    const auto found = sans.character_map.find(character);
+    if (own < 0 && found != sans.character_map.end() && found->second != glyph && character > U'\u0100' &&
+        regular().glyphs[static_cast<std::size_t>(glyph)].name ==
+            sans.glyphs[static_cast<std::size_t>(found->second)].name)
+      own = glyph;
+  }
+  REQUIRE(own >= 0);
+  const auto inked = [&](const Font& against) {
+    const Picture picture(glyphs::draw_glyph_proof(regular(), against, {own}, ProofFormat::Png));
+    int dark = 0;
+    int came = 0;
+    for (int y = 44; y < picture.height - 30; ++y)
+      for (int x = 0; x < picture.width; ++x) {
+        if (picture.is_ink(x, y) && !picture.is_coloured(x, y)) ++dark;
+        if (picture.blue(x, y) > picture.red(x, y) + 100) ++came;
+      }
+    return std::pair(dark, came);
+  };
+  const auto [shared, came] = inked(sans);
+  CHECK(shared > 0);
+  // Without a counterpart all of it came.
+  Font bare = sans;
+  for (glyphs::Glyph& glyph : bare.glyphs) glyph.name = "none" + std::to_string(glyph.id);
+  bare.character_map.clear();
+  const auto [nothing_shared, all] = inked(bare);
+  CHECK(nothing_shared == 0);
+  CHECK(all > came);
 }
 
 TEST_CASE("a sheet of all glyphs is drawn smaller rather than too large", "[proof][slow]") {
@@ -257,14 +402,8 @@ TEST_CASE("what cannot be drawn is refused", "[proof]") {
   CHECK_THROWS_AS(glyphs::draw_proof(regular(), {}, "a", ProofFormat::Png, {.pixels_per_em = 0.0}), RequestError);
   CHECK_THROWS_AS(glyphs::draw_proof(regular(), {}, "a", ProofFormat::Png, {.pixels_per_em = std::nan("")}),
                   RequestError);
-  CHECK_THROWS_AS(glyphs::draw_proof(regular(), {}, "a", ProofFormat::Png, {.level = -1.0}), RequestError);
+  CHECK_THROWS_AS(glyphs::draw_proof(regular(), {}, "a", ProofFormat::Png, {.levels = {-1.0}}), RequestError);
+  CHECK_THROWS_AS(glyphs::draw_proof(regular(), {}, "a", ProofFormat::Png, {.comb = -1.0}), RequestError);
   CHECK_THROWS_AS(glyphs::draw_glyph_proof(regular(), {}, {}, ProofFormat::Png), RequestError);
   CHECK_THROWS_AS(glyphs::draw_glyph_proof(regular(), {}, {1 << 20}, ProofFormat::Png), RequestError);
-  const Font sans = glyphs::load_font(bundled_font("open-sans/OpenSans-Regular.ttf"));
-  int other_name = 0;
-  while (regular().glyphs[static_cast<std::size_t>(other_name)].name ==
-         sans.glyphs[static_cast<std::size_t>(other_name)].name)
-    ++other_name;
-  CHECK_THROWS_WITH(glyphs::draw_glyph_proof(regular(), sans, {other_name}, ProofFormat::Png),
-                    Catch::Contains("OpenSans-Regular.ttf"));
 }

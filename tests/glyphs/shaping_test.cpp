@@ -75,11 +75,18 @@ TEST_CASE("right to left text is given as it is seen, the last character first",
   CHECK(ids(shape(open_sans(), "abc", {.direction = "rtl"})) == forward);
 }
 
-TEST_CASE("vertical text runs down", "[shaping]") {
-  const ShapedLine line = shape(open_sans(), "ab", {.direction = "ttb"});
-  REQUIRE(line.glyphs.size() == 2);
-  CHECK(line.glyphs[1].origin.y() < line.glyphs[0].origin.y());
-  CHECK(line.advance > 0.0);
+TEST_CASE("vertical text runs down, without tables too", "[shaping]") {
+  Font bare = open_sans();
+  bare.data.reset();
+  bare.format = glyphs::OutlineFormat::Ufo;
+  for (const Font& font : {open_sans(), bare}) {
+    const ShapedLine line = shape(font, "ab", {.direction = "ttb"});
+    REQUIRE(line.glyphs.size() == 2);
+    CHECK(line.direction == glyphs::Direction::TopToBottom);
+    CHECK(line.glyphs[0].origin.y() < 0.0);
+    CHECK(line.glyphs[1].origin.y() < line.glyphs[0].origin.y());
+    CHECK(line.advance > 0.0);
+  }
 }
 
 TEST_CASE("a character the font lacks is glyph 0 in a line, and an error where glyphs are selected", "[shaping]") {

@@ -696,7 +696,18 @@ TEST_CASE("a proof is a picture of the kind its name says", "[cli]") {
   for (const std::string level : {"level=", "level=wide", "level=-1", "level=1e999"}) {
     check_refusal(glyphwave({"proof", serif, "--text", "a", "-o", folder / "x.png", "--show", level}), {level});
   }
-  REQUIRE(glyphwave({"proof", serif, "--text", "a", "-o", folder / "p.png", "--show", "nodes,level=120"}).status == 0);
+  for (const std::string comb : {"comb=", "comb=-1"}) {
+    check_refusal(glyphwave({"proof", serif, "--text", "a", "-o", folder / "x.png", "--show", comb}), {comb});
+  }
+  check_refusal(glyphwave({"proof", serif, "--glyphs", "a", "-o", folder / "x.png", "--sizes", "12,24"}), {"--sizes"});
+  check_refusal(glyphwave({"proof", serif, "--text", "a", "-o", folder / "x.png", "--sizes", "12,0"}),
+                {"pixels per em"});
+  check_refusal(glyphwave({"proof", serif, "--text", "a", "-o", folder / "x.png", "--location", "wght=1", "--location",
+                           "wght=2"}),
+                {serif, "is not variable"});
+  REQUIRE(glyphwave({"proof", serif, "--text", "a", "-o", folder / "p.png", "--show",
+                     "nodes,comb,comb=0.02,level=60,level=120", "--sizes", "12,24"})
+              .status == 0);
   CHECK(folder.files() == std::vector<std::string>{"p.pdf", "p.png", "p.svg"});
 }
 
