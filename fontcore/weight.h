@@ -123,9 +123,10 @@ struct Weighted {
 /// extrema kept as rows that hold exactly.
 ///
 /// The displacement is linear in the amount and in `amounts`, and 0 where all of them are, where the contours come back
-/// bit for bit. Amounts above 0 add ink, ones below take it away, and mixed ones do as they may. Where the outline
-/// would cross itself anew, close a counter or change its area against the sign of the amounts, segments that fold over
-/// are held back; if that is not enough, the amount is scaled back to the largest that does neither.
+/// bit for bit. Amounts above 0 add ink, ones below take it away, and mixed ones do as they may. Segments that would
+/// fold over in a tight corner keep some of their length. Where the outline would still cross itself anew, what loops
+/// is held from that amount on and the rest goes on, without a jump; where that does not help, a counter would close or
+/// the area would change against the sign of the amounts, the amount is scaled back to the largest that does neither.
 ///
 /// Units   font units. Throws InvalidInput if an amount is not in [-1, 2] or units_per_em is not positive.
 Weighted apply_weight(const std::vector<BezierContour>& contours, LetterClass letter_class, const WeightModel& model,

@@ -581,9 +581,12 @@ Weighted apply_weight(const std::vector<BezierContour>& contours, LetterClass le
     }
   }
 
-  // The whole step by the level strokes' amount, and what others take beyond it.
-  double whole = options.amount * amounts.y;
-  if (amounts.x != amounts.y || amounts.thin || amounts.serif) {
+  // What one step moves: that of equal amounts, or what all of the amounts move together.
+  const bool is_even = amounts.x == amounts.y && !amounts.thin && !amounts.serif;
+  const double whole = is_even ? options.amount * amounts.y : 1.0;
+  const auto mix = [&] {
+    if (is_even) return;
+    // Every kind by the level strokes' amount, and what it takes beyond that.
     const auto beyond = [&](const std::optional<double>& amount) {
       return amount ? std::optional(*amount - amounts.y) : std::nullopt;
     };
@@ -592,8 +595,8 @@ Weighted apply_weight(const std::vector<BezierContour>& contours, LetterClass le
     for (std::size_t c = 0; c < moves.size(); ++c) {
       moves[c] = options.amount * (amounts.y * moves[c] + unit * rest[c]);
     }
-    whole = 1.0;
-  }
+  };
+  mix();
   const auto is_good = [&](const Contours& weighted) {
     const std::vector<Crossing> after = find_crossings(weighted);
     if (added_crossings(crossings, after) > 0) return false;
@@ -601,25 +604,46 @@ Weighted apply_weight(const std::vector<BezierContour>& contours, LetterClass le
     return closed_counters(ink, now).empty() && (least < 0.0 || now.area >= ink.area) &&
            (most > 0.0 || now.area <= ink.area);
   };
-  double amount = options.amount;
-  Contours weighted = moved(contours, moves, whole);
-  if (!is_good(weighted)) {
-    // The largest share that is good, by halving; the last one tried that was.
+  // As far as all is well; from there on with what looped held back, so that one tight corner does not stop the rest.
+  constexpr int most_stages = 24;
+  Contours weighted = contours;
+  double done = 0.0;
+  for (int stage = 0; stage < most_stages; ++stage) {
+    Contours all = moved(weighted, moves, (1.0 - done) * whole);
+    if (is_good(all)) {
+      weighted = std::move(all);
+      done = 1.0;
+      break;
+    }
+    // The largest share that is good, by halving.
     double low = 0.0;
     double high = 1.0;
-    weighted = contours;
+    Contours best = weighted;
     for (int k = 0; k < 10; ++k) {
       const double share = 0.5 * (low + high);
-      Contours trial = moved(contours, moves, share * whole);
+      Contours trial = moved(weighted, moves, share * (1.0 - done) * whole);
       if (is_good(trial)) {
         low = share;
-        weighted = std::move(trial);
+        best = std::move(trial);
       } else {
         high = share;
+        all = std::move(trial);
       }
     }
-    amount = low * options.amount;
+    weighted = std::move(best);
+    done += low * (1.0 - done);
+    bool is_held = false;
+    for (const Crossing& crossing : find_crossings(all)) {
+      if (crossing.a.contour != crossing.b.contour) continue;
+      const auto c = static_cast<std::size_t>(crossing.a.contour);
+      is_held = open_loop(contours[c], all[c], crossing, folds[c]) || is_held;
+    }
+    if (!is_held) break;
+    moves = application.moves({}, folds, rules, held.rows());
+    for (Points& points : moves) points *= unit;
+    mix();
   }
+  const double amount = done * options.amount;
   result.contours = std::move(weighted);
   result.amount = amount;
   for (const std::vector<Fold>& list : folds) {

@@ -460,6 +460,29 @@ TEST_CASE("a narrow notch that thick strokes would cross is kept open", "[weight
   }
 }
 
+TEST_CASE("a tight notch does not stop the rest of a letter", "[weight]") {
+  // A block with a deep notch, its flat bottom so short that bolder walls run into each other, and an arm far from it.
+  const Contours letter = {shapes::polygon(
+      {{0, 0}, {840, 0}, {840, 90}, {540, 90}, {540, 700}, {420, 700}, {273, 200}, {267, 200}, {120, 700}, {0, 700}})};
+  const Points whole = at_amount(letter, 1.0).contours[0].points();
+  const auto arm = [](const Points& points) { return points(2, 1) - points(1, 1); };
+  for (const double amount : {0.5, 1.0, 1.5, 2.0}) {
+    const Weighted made = at_amount(letter, amount);
+    CHECK(made.amount == amount);
+    CHECK(find_crossings(made.contours).empty());
+    CHECK(has_same_structure(made.contours[0], letter[0]));
+    const double grown = arm(made.contours[0].points()) - arm(letter[0].points());
+    CHECK(grown == Approx(amount * (arm(whole) - arm(letter[0].points()))).margin(1.0));
+  }
+  // Without a jump where the notch closes.
+  Points before = at_amount(letter, 0.0).contours[0].points();
+  for (int k = 1; k <= 100; ++k) {
+    const Points now = at_amount(letter, 0.02 * k).contours[0].points();
+    CHECK((now - before).cwiseAbs().maxCoeff() < 6.0);
+    before = now;
+  }
+}
+
 TEST_CASE("a model fits any units per em", "[weight]") {
   std::vector<WeightPair> large = controls();
   for (WeightPair& pair : large) {
