@@ -108,6 +108,7 @@ struct WeightOptions {
   WeightAmounts amounts;      ///< times the amount, each product in [-1, 2]
   double widening = 0.0;      ///< of the shape beyond what the model says, in growths of an upright stroke
   double italic_angle = 0.0;  ///< what vertical means for lines and extrema, radians leaning right
+  double detail_scale = 0.0;  ///< texture below rides along unthickened, turned with the outline; font units, 0: none
 };
 
 /// A shape in another weight.

@@ -550,6 +550,12 @@ Weighted apply_weight(const std::vector<BezierContour>& contours, LetterClass le
     least = std::min(least, amount);
     most = std::max(most, amount);
   }
+  if (!(options.detail_scale >= 0.0 && std::isfinite(options.detail_scale))) {
+    throw InvalidInput(text("apply_weight: the scale of detail is ", options.detail_scale));
+  }
+  if (options.detail_scale > 0.0 && (least != 0.0 || most != 0.0)) {
+    return apply_above_detail(contours, letter_class, model, units_per_em, options);
+  }
   const int letters = letter_class == LetterClass::Capital ? 1 : 0;
   const double unit = units_per_em / 1000.0;
   Weighted result{contours, 0.0, 0, 0.0, 0.0};

@@ -76,4 +76,8 @@ double box_width(const StrokeEdges& shape);
 
 Contours in_thousandths(const Contours& contours, double units_per_em);
 
+/// `apply_weight` to what is left of the contours without their detail; every node keeps its place beside that.
+Weighted apply_above_detail(const Contours& contours, LetterClass letter_class, const WeightModel& model,
+                            double units_per_em, const WeightOptions& options);
+
 }  // namespace fontcore::weight

@@ -483,6 +483,54 @@ TEST_CASE("a tight notch does not stop the rest of a letter", "[weight]") {
   }
 }
 
+TEST_CASE("texture rides along on a bolder letter as it was", "[weight]") {
+  // Stems and a bar, roughened by a zigzag of 4 units every 9, which leaves out half of the scale beside corners.
+  const Contours plain = letter_h(90, 76, 300, 700);
+  const auto roughened = [](const BezierContour& of, const BezierContour& to) {
+    std::vector<Point> points;
+    for (int s = 0; s < of.segment_count(); ++s) {
+      const Bezier line = of.segment(s);
+      const Bezier moved = to.segment(s);
+      const int pieces = std::max(2, static_cast<int>((line.end() - line.start()).norm() / 9.0));
+      const Point along = (moved.end() - moved.start()).normalized();
+      for (int k = 0; k < pieces; ++k) {
+        const double t = static_cast<double>(k) / pieces;
+        const double from_corner = std::min(t, 1.0 - t) * (line.end() - line.start()).norm();
+        const double rough = from_corner < 30.0 ? 0.0 : k % 2 == 0 ? 4.0 : -4.0;
+        points.push_back((1.0 - t) * moved.start() + t * moved.end() + rough * Point(along.y(), -along.x()));
+      }
+    }
+    return shapes::polygon(points);
+  };
+  const Contours rough = {roughened(plain[0], plain[0])};
+  static const WeightModel model = learn_weight(controls(), em);
+  for (const double amount : {-0.4, 0.5, 1.0, 1.5}) {
+    const WeightOptions options{.amount = amount, .detail_scale = 60.0};
+    const Weighted made = apply_weight(rough, LetterClass::Capital, model, em, options);
+    const Weighted smooth = at_amount(plain, amount);
+    CHECK(made.amount == amount);
+    REQUIRE(has_same_structure(made.contours[0], rough[0]));
+    // Along the outline places may stretch otherwise, by far less than the zigzag's step; across it is as it was.
+    const Points wished = roughened(plain[0], smooth.contours[0]).points();
+    CHECK((made.contours[0].points() - wished).rowwise().norm().maxCoeff() < 5.0);
+    CHECK(two_sided_distance(made.contours[0].points(), wished) < 1.5);
+  }
+  const WeightOptions none{.amount = 0.0, .detail_scale = 60.0};
+  CHECK(apply_weight(rough, LetterClass::Capital, model, em, none).contours == rough);
+  CHECK_THROWS_AS(apply_weight(rough, LetterClass::Capital, model, em, {.detail_scale = -1.0}), InvalidInput);
+}
+
+TEST_CASE("without texture a letter is weighted as it is without a scale of detail", "[weight]") {
+  static const WeightModel model = learn_weight(controls(), em);
+  for (const Contours& letter : {letter_o(90, 76, 450, 700, 12), letter_e(90, 76, 420, 700)}) {
+    const Contours plain = at_amount(letter, 1.0).contours;
+    const WeightOptions options{.detail_scale = 40.0};
+    const Weighted made = apply_weight(letter, LetterClass::Capital, model, em, options);
+    REQUIRE(made.amount == 1.0);
+    for (std::size_t c = 0; c < letter.size(); ++c) CHECK(farthest(made.contours[c], plain[c], 0.1).distance < 2.0);
+  }
+}
+
 TEST_CASE("a model fits any units per em", "[weight]") {
   std::vector<WeightPair> large = controls();
   for (WeightPair& pair : large) {
