@@ -1,6 +1,7 @@
 #include "fontcore/stroke.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace fontcore {
@@ -16,6 +17,51 @@ constexpr double touching = 1e-6;        // nearer than this a ray meets the edg
 double cross(const Point& a, const Point& b) { return a.x() * b.y() - a.y() * b.x(); }
 
 }  // namespace
+
+// Edges by the strips of the plane that they reach into: rays along an axis stay within one.
+class StrokeEdges::Strips {
+ public:
+  struct Side {
+    Point start;
+    Point chord;
+    int edge;
+  };
+  using Sides = std::vector<Side>;
+
+  template <typename Which>
+  Strips(const StrokeEdges& shape, Which&& which) : box_(shape.box()) {
+    for (int i = 0; i < shape.size(); ++i) {
+      if (!which(shape[i])) continue;
+      const Side side{shape[i].start, shape[i].chord, i};
+      all_.push_back(side);
+      for (int axis = 0; axis < 2; ++axis) {
+        const double a = side.start[axis];
+        const double b = a + side.chord[axis];
+        const std::size_t last = strip(std::max(a, b) + reach, axis);
+        std::array<Sides, count>& strips = axis == 0 ? columns_ : rows_;
+        for (std::size_t k = strip(std::min(a, b) - reach, axis); k <= last; ++k) strips[k].push_back(side);
+      }
+    }
+  }
+  const Sides& all() const { return all_; }
+  // Those that may be met where a coordinate has a value.
+  const Sides& at(double value, int axis) const { return (axis == 0 ? columns_ : rows_)[strip(value, axis)]; }
+
+ private:
+  static constexpr std::size_t count = 64;
+  static constexpr double reach = 0.01;  // more than edges are met beyond their ends
+
+  std::size_t strip(double value, int axis) const {
+    const double size = box_.high[axis] - box_.low[axis];
+    const double place = size > 0.0 ? (value - box_.low[axis]) / size * count : 0.0;
+    return static_cast<std::size_t>(std::clamp(place, 0.0, count - 1.0));
+  }
+
+  Box box_;
+  Sides all_;
+  std::array<Sides, count> columns_;
+  std::array<Sides, count> rows_;
+};
 
 StrokeEdges::StrokeEdges(const std::vector<BezierContour>& contours, double curve_step, double line_step) {
   double largest = 0.0;
@@ -70,47 +116,55 @@ void StrokeEdges::orient(double sign) {
     edge.direction = std::atan2(std::abs(edge.normal.y()), std::abs(edge.normal.x()));
   }
   // Paper on the outer side: the winding number there is 0.
+  const Strips strips(*this, [](const StrokeEdge&) { return true; });
   for (StrokeEdge& edge : edges_) {
     const Point p = edge.middle + 1e-3 * edge.normal;
     int winding = 0;
-    for (const StrokeEdge& other : edges_) {
-      const Point q = other.start + other.chord;
-      const bool up = other.start.y() <= p.y() && q.y() > p.y();
-      const bool down = other.start.y() > p.y() && q.y() <= p.y();
+    for (const Strips::Side& side : strips.at(p.y(), 1)) {
+      const double end = side.start.y() + side.chord.y();
+      const bool up = side.start.y() <= p.y() && end > p.y();
+      const bool down = side.start.y() > p.y() && end <= p.y();
       if (!up && !down) continue;
-      const double side = cross(other.chord, p - other.start);
-      if (up && side > 0.0) ++winding;
-      if (down && side < 0.0) --winding;
+      const double turn = cross(side.chord, p - side.start);
+      if (up && turn > 0.0) ++winding;
+      if (down && turn < 0.0) --winding;
     }
     edge.is_visible = winding == 0 && edge.length > 0.0;
   }
 }
 
-EdgeHit StrokeEdges::first_hit(int from, const Point& direction) const {
+EdgeHit StrokeEdges::first_hit(int from, const Point& direction, const Strips& strips) const {
   EdgeHit hit;
   const Point& origin = (*this)[from].middle;
-  for (int i = 0; i < size(); ++i) {
-    const StrokeEdge& edge = (*this)[i];
-    if (i == from || !edge.is_visible) continue;
-    const double turn = cross(direction, edge.chord);
-    if (turn == 0.0) continue;
-    const Point to = edge.start - origin;
-    const double at = cross(to, direction) / turn;
+  const Strips::Sides& sides = direction.y() == 0.0   ? strips.at(origin.y(), 1)
+                               : direction.x() == 0.0 ? strips.at(origin.x(), 0)
+                                                      : strips.all();
+  for (const Strips::Side& side : sides) {
+    const Point to = side.start - origin;
+    const double turn = cross(direction, side.chord);
+    const double ahead = cross(to, direction);
+    // Most lie wholly on one side of the ray.
+    const double slack = 1e-6 * std::abs(turn);
+    if (ahead * turn < 0.0 ? std::abs(ahead) > slack : std::abs(ahead) > std::abs(turn) + slack) continue;
+    if (turn == 0.0 || side.edge == from) continue;
+    const double at = ahead / turn;
     if (!(at >= -1e-9 && at <= 1.0 + 1e-9)) continue;
-    const double distance = cross(to, edge.chord) / turn;
-    if (distance > touching && distance < hit.distance) hit = {distance, i, at};
+    const double distance = cross(to, side.chord) / turn;
+    if (distance > touching && distance < hit.distance) hit = {distance, side.edge, at};
   }
   return hit;
 }
 
 void StrokeEdges::look_across() {
+  const Strips strips(*this, [](const StrokeEdge& edge) { return edge.is_visible; });
   for (int i = 0; i < size(); ++i) {
     StrokeEdge& edge = edges_[static_cast<std::size_t>(i)];
     if (!edge.is_visible) continue;
-    edge.ink = first_hit(i, -edge.normal);
+    const auto hit = [&](const Point& direction) { return first_hit(i, direction, strips); };
+    edge.ink = hit(-edge.normal);
     if (edge.ink.exists()) edge.facing = -edge.normal.dot((*this)[edge.ink.edge].normal);
-    if (std::abs(edge.normal.x()) > oblique) edge.gap_x = first_hit(i, Point(edge.normal.x() < 0.0 ? -1.0 : 1.0, 0.0));
-    if (std::abs(edge.normal.y()) > oblique) edge.gap_y = first_hit(i, Point(0.0, edge.normal.y() < 0.0 ? -1.0 : 1.0));
+    if (std::abs(edge.normal.x()) > oblique) edge.gap_x = hit(Point(edge.normal.x() < 0.0 ? -1.0 : 1.0, 0.0));
+    if (std::abs(edge.normal.y()) > oblique) edge.gap_y = hit(Point(0.0, edge.normal.y() < 0.0 ? -1.0 : 1.0));
   }
 }
 

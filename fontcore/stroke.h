@@ -73,7 +73,8 @@ class StrokeEdges {
   void cut(const BezierContour& contour, int index, double curve_step, double line_step);
   void orient(double sign);
   void look_across();
-  EdgeHit first_hit(int from, const Point& direction) const;
+  class Strips;
+  EdgeHit first_hit(int from, const Point& direction, const Strips& strips) const;
 
   std::vector<StrokeEdge> edges_;
   std::vector<int> first_{0};

@@ -96,6 +96,28 @@ Weighted at_amount(const Contours& contours, double amount, LetterClass letter_c
   return apply_weight(contours, letter_class, model, em, {.amount = amount});
 }
 
+Weighted with_amounts(const Contours& contours, const WeightAmounts& amounts) {
+  static const WeightModel model = learn_weight(controls(), em);
+  return apply_weight(contours, LetterClass::Capital, model, em, {.amounts = amounts});
+}
+
+// An I: a stem with serifs, `reach` beyond it and `slab` thick.
+Contours letter_i(double stem, double slab, double reach, double height) {
+  const double right = stem + 2.0 * reach;
+  return {shapes::polygon({{0, 0},
+                           {right, 0},
+                           {right, slab},
+                           {reach + stem, slab},
+                           {reach + stem, height - slab},
+                           {right, height - slab},
+                           {right, height},
+                           {0, height},
+                           {0, height - slab},
+                           {reach, height - slab},
+                           {reach, slab},
+                           {0, slab}})};
+}
+
 Contours mapped(const Contours& contours, const Affine& map) {
   Contours result;
   for (const BezierContour& contour : contours) result.push_back(transform(contour, map));
@@ -238,6 +260,150 @@ TEST_CASE("the outline moves evenly with the amount", "[weight]") {
   }
 }
 
+TEST_CASE("equal amounts of every kind are that amount, bit for bit", "[weight]") {
+  const Contours e = letter_e(90, 76, 420, 700);
+  for (const double amount : {-0.7, 0.0, 0.35, 1.0, 1.9}) {
+    const Weighted made = with_amounts(e, {.x = amount, .y = amount});
+    CHECK(made.contours == at_amount(e, amount).contours);
+  }
+}
+
+TEST_CASE("the outline moves evenly with every amount by itself", "[weight]") {
+  const Contours e = letter_e(90, 76, 420, 700);
+  const auto moved_by = [&](const WeightAmounts& amounts) -> Points {
+    return with_amounts(e, amounts).contours[0].points() - e[0].points();
+  };
+  const Points by_x = moved_by({.x = 1.0, .y = 0.0});
+  const Points by_y = moved_by({.x = 0.0, .y = 1.0});
+  for (const auto& [x, y] : {std::pair{1.0, 1.0}, {0.5, 1.5}, {-0.4, 0.8}, {1.8, 0.1}}) {
+    CHECK((moved_by({.x = x, .y = y}) - x * by_x - y * by_y).cwiseAbs().maxCoeff() < 1e-9);
+  }
+}
+
+TEST_CASE("each direction of strokes can be weighted alone", "[weight]") {
+  const std::vector<Contours> h = {letter_h(regular.stem, regular.bar, regular.counter, 700)};
+  const auto made = [&](const WeightAmounts& amounts) {
+    return std::vector<Contours>{with_amounts(h[0], amounts).contours};
+  };
+  const std::vector<Contours> wide = made({.x = 1.0, .y = 0.0});
+  CHECK(measure_stems(wide, em).level.value() == Approx(regular.bar).margin(0.5));
+  CHECK(measure_stems(wide, em).upright.value() == Approx(bold.stem).margin(2.0));
+  const std::vector<Contours> high = made({.x = 0.0, .y = 1.0});
+  CHECK(measure_stems(high, em).upright.value() == Approx(regular.stem).margin(0.5));
+  CHECK(measure_stems(high, em).level.value() == Approx(bold.bar).margin(2.0));
+  CHECK(tight_box(high[0][0]).high.x() == Approx(tight_box(h[0][0]).high.x()).margin(0.5));
+}
+
+TEST_CASE("thin strokes of a contrasted face take an amount of their own", "[weight]") {
+  const WeightPair pair = pair_of("H", LetterClass::Capital, letter_h(120, 40, 300, 700), letter_h(180, 55, 300, 700));
+  const WeightModel model = learn_weight(std::vector{pair}, em);
+  const auto bar_at = [&](const std::optional<double>& thin) {
+    const WeightOptions options{.amounts = {.thin = thin}};
+    const std::vector<Contours> made = {apply_weight(pair.from, LetterClass::Capital, model, em, options).contours};
+    CHECK(measure_stems(made, em).upright.value() == Approx(180.0).margin(1.0));
+    return measure_stems(made, em).level.value();
+  };
+  CHECK(bar_at({}) == Approx(55.0).margin(1.0));
+  CHECK(bar_at(0.0) == Approx(40.0).margin(1.0));
+  CHECK(bar_at(2.0) == Approx(70.0).margin(2.0));
+}
+
+TEST_CASE("serifs take an amount of their own", "[weight]") {
+  const WeightPair pair = pair_of("I", LetterClass::Capital, letter_i(100, 40, 60, 700), letter_i(160, 60, 80, 700));
+  const WeightModel model = learn_weight(std::vector{pair}, em);
+  const auto made_at = [&](const std::optional<double>& serif) {
+    return apply_weight(pair.from, LetterClass::Capital, model, em, {.amounts = {.serif = serif}}).contours[0];
+  };
+  const auto serif_of = [](const BezierContour& i) { return i.points()(2, 1) - i.points()(1, 1); };
+  CHECK(serif_of(made_at({})) == Approx(60.0).margin(2.0));
+  CHECK(serif_of(made_at(0.0)) == Approx(40.0).margin(2.0));
+  CHECK(serif_of(made_at(2.0)) > serif_of(made_at(1.0)));
+}
+
+TEST_CASE("stems wished for are met", "[weight]") {
+  const std::vector<Contours> letters = {letter_h(84, 70, 310, 520), letter_o(88, 72, 520, 520, 12)};
+  const WeightModel model = learn_weight(controls(), em);
+  for (const auto& [upright, level] : {std::pair{120.0, 90.0}, {84.0, 80.0}, {150.0, 70.0}, {60.0, 60.0}}) {
+    const WeightAmounts amounts =
+        amounts_for_stems(letters, LetterClass::LowerCase, model, em, {.upright = upright, .level = level});
+    std::vector<Contours> made;
+    for (const Contours& letter : letters) {
+      made.push_back(apply_weight(letter, LetterClass::LowerCase, model, em, {.amounts = amounts}).contours);
+    }
+    CHECK(measure_stems(made, em).upright.value() == Approx(upright).margin(0.6));
+    CHECK(measure_stems(made, em).level.value() == Approx(level).margin(0.6));
+  }
+  const WeightAmounts even =
+      amounts_for_stems(letters, LetterClass::LowerCase, model, em, {.upright = 120.0, .level = {}});
+  CHECK(even.x == even.y);
+  CHECK_THROWS_AS(amounts_for_stems(letters, LetterClass::LowerCase, model, em, {}), InvalidInput);
+  CHECK_THROWS_AS(amounts_for_stems({}, LetterClass::LowerCase, model, em, {.upright = 100.0, .level = {}}),
+                  InvalidInput);
+  CHECK_THROWS_AS(amounts_for_stems(letters, LetterClass::LowerCase, model, em, {.upright = 400.0, .level = {}}),
+                  InvalidInput);
+}
+
+TEST_CASE("the amounts a letter was made with are found again", "[weight]") {
+  const WeightModel model = learn_weight(controls(), em);
+  for (const auto& [x, y] : {std::pair{1.0, 1.0}, {0.6, 1.2}, {1.5, 0.7}}) {
+    std::vector<WeightPair> made = controls();
+    for (WeightPair& pair : made) {
+      pair.to = apply_weight(pair.from, pair.letter_class, model, em, {.amounts = {.x = x, .y = y}}).contours;
+    }
+    const WeightAmounts found = fit_amounts(made, model, em);
+    CHECK(found.x == Approx(x).margin(0.03));
+    CHECK(found.y == Approx(y).margin(0.05));
+  }
+  CHECK_THROWS_AS(fit_amounts({}, model, em), InvalidInput);
+}
+
+TEST_CASE("a family half as large takes half the step", "[weight]") {
+  std::vector<WeightPair> half = controls();
+  for (WeightPair& pair : half) {
+    pair.from = mapped(pair.from, scaled(0.5));
+    pair.to = mapped(pair.to, scaled(0.5));
+  }
+  const WeightModel carried = carry_weight(learn_weight(controls(), em), half, em);
+  const Contours e = letter_e(regular.stem, regular.bar, 420, 700);
+  const Contours there = at_amount(e, 1.0).contours;
+  const Contours made = apply_weight(mapped(e, scaled(0.5)), LetterClass::Capital, carried, em).contours;
+  const Points apart = 2.0 * made[0].points() - there[0].points();
+  CHECK(apart.col(1).cwiseAbs().maxCoeff() < 0.5);
+  const auto stem = [](const Contours& letter) { return letter[0].points()(3, 0) - letter[0].points()(0, 0); };
+  CHECK(2.0 * stem(made) == Approx(stem(there)).margin(0.5));
+  // The ends of arms are held by no law, only weakly by lengths in the em.
+  CHECK(apart.col(0).cwiseAbs().maxCoeff() < 10.0);
+}
+
+TEST_CASE("a carried step is as strong as the other family's letters show", "[weight]") {
+  // Another family: thinner, lower, with its own n and o in both weights and H and O in one.
+  const Weight thin{70, 56, 340};
+  const Weight black{135, 80, 330};
+  const auto o = [](const Weight& w) { return letter_o(w.stem, w.bar, 2.0 * w.stem + w.counter + 60.0, 480, 10.0); };
+  const std::vector<WeightPair> letters = {
+      pair_of("n", LetterClass::LowerCase, letter_h(thin.stem, thin.bar, thin.counter, 480),
+              letter_h(black.stem, black.bar, black.counter, 480)),
+      pair_of("o", LetterClass::LowerCase, o(thin), o(black)),
+      pair_of("H", LetterClass::Capital, letter_h(thin.stem, thin.bar, thin.counter, 640), {}),
+      pair_of("O", LetterClass::Capital, letter_o(thin.stem, thin.bar, 600, 640, 10.0), {})};
+  const WeightModel carried = carry_weight(learn_weight(controls(), em), letters, em);
+  REQUIRE(carried.controls.size() == 2);
+  for (const WeightModel::Control& control : carried.controls) {
+    CHECK(control.thickness_error < 3.0);
+    CHECK(std::abs(control.width_error) < 8.0);
+  }
+  const WeightAmounts fitted = fit_amounts(std::span(letters).first(2), carried, em);
+  CHECK(fitted.x == Approx(1.0).margin(0.02));
+  CHECK(fitted.y == Approx(1.0).margin(0.02));
+  // A capital it never saw in bold: stems in proportion, height kept as the model keeps it.
+  const Contours e = letter_e(thin.stem, thin.bar, 400, 640);
+  const Contours made = apply_weight(e, LetterClass::Capital, carried, em).contours;
+  CHECK(StrokeEdges(made, 11.0, 22.0).stem(100.0) == Approx(black.stem).margin(4.0));
+  CHECK(tight_box(made[0]).high.y() == Approx(640.0).margin(1.0));
+  CHECK_THROWS_AS(carry_weight(carried, {}, em), InvalidInput);
+  CHECK_THROWS_AS(carry_weight(carried, letters, 0.0), InvalidInput);
+}
+
 TEST_CASE("bolder never takes ink away, lighter never adds any", "[weight]") {
   const std::vector<Contours> letters = {letter_e(90, 76, 420, 700), letter_o(90, 76, 450, 700, 12),
                                          letter_h(90, 76, 300, 700), mapped(shapes::letter_a(), scaled(1000.0 / 2048))};
@@ -294,6 +460,77 @@ TEST_CASE("a narrow notch that thick strokes would cross is kept open", "[weight
   }
 }
 
+TEST_CASE("a tight notch does not stop the rest of a letter", "[weight]") {
+  // A block with a deep notch, its flat bottom so short that bolder walls run into each other, and an arm far from it.
+  const Contours letter = {shapes::polygon(
+      {{0, 0}, {840, 0}, {840, 90}, {540, 90}, {540, 700}, {420, 700}, {273, 200}, {267, 200}, {120, 700}, {0, 700}})};
+  const Points whole = at_amount(letter, 1.0).contours[0].points();
+  const auto arm = [](const Points& points) { return points(2, 1) - points(1, 1); };
+  for (const double amount : {0.5, 1.0, 1.5, 2.0}) {
+    const Weighted made = at_amount(letter, amount);
+    CHECK(made.amount == amount);
+    CHECK(find_crossings(made.contours).empty());
+    CHECK(has_same_structure(made.contours[0], letter[0]));
+    const double grown = arm(made.contours[0].points()) - arm(letter[0].points());
+    CHECK(grown == Approx(amount * (arm(whole) - arm(letter[0].points()))).margin(1.0));
+  }
+  // Without a jump where the notch closes.
+  Points before = at_amount(letter, 0.0).contours[0].points();
+  for (int k = 1; k <= 100; ++k) {
+    const Points now = at_amount(letter, 0.02 * k).contours[0].points();
+    CHECK((now - before).cwiseAbs().maxCoeff() < 6.0);
+    before = now;
+  }
+}
+
+TEST_CASE("texture rides along on a bolder letter as it was", "[weight]") {
+  // Stems and a bar, roughened by a zigzag of 4 units every 9, which leaves out half of the scale beside corners.
+  const Contours plain = letter_h(90, 76, 300, 700);
+  const auto roughened = [](const BezierContour& of, const BezierContour& to) {
+    std::vector<Point> points;
+    for (int s = 0; s < of.segment_count(); ++s) {
+      const Bezier line = of.segment(s);
+      const Bezier moved = to.segment(s);
+      const int pieces = std::max(2, static_cast<int>((line.end() - line.start()).norm() / 9.0));
+      const Point along = (moved.end() - moved.start()).normalized();
+      for (int k = 0; k < pieces; ++k) {
+        const double t = static_cast<double>(k) / pieces;
+        const double from_corner = std::min(t, 1.0 - t) * (line.end() - line.start()).norm();
+        const double rough = from_corner < 30.0 ? 0.0 : k % 2 == 0 ? 4.0 : -4.0;
+        points.push_back((1.0 - t) * moved.start() + t * moved.end() + rough * Point(along.y(), -along.x()));
+      }
+    }
+    return shapes::polygon(points);
+  };
+  const Contours rough = {roughened(plain[0], plain[0])};
+  static const WeightModel model = learn_weight(controls(), em);
+  for (const double amount : {-0.4, 0.5, 1.0, 1.5}) {
+    const WeightOptions options{.amount = amount, .detail_scale = 60.0};
+    const Weighted made = apply_weight(rough, LetterClass::Capital, model, em, options);
+    const Weighted smooth = at_amount(plain, amount);
+    CHECK(made.amount == amount);
+    REQUIRE(has_same_structure(made.contours[0], rough[0]));
+    // Along the outline places may stretch otherwise, by far less than the zigzag's step; across it is as it was.
+    const Points wished = roughened(plain[0], smooth.contours[0]).points();
+    CHECK((made.contours[0].points() - wished).rowwise().norm().maxCoeff() < 5.0);
+    CHECK(two_sided_distance(made.contours[0].points(), wished) < 1.5);
+  }
+  const WeightOptions none{.amount = 0.0, .detail_scale = 60.0};
+  CHECK(apply_weight(rough, LetterClass::Capital, model, em, none).contours == rough);
+  CHECK_THROWS_AS(apply_weight(rough, LetterClass::Capital, model, em, {.detail_scale = -1.0}), InvalidInput);
+}
+
+TEST_CASE("without texture a letter is weighted as it is without a scale of detail", "[weight]") {
+  static const WeightModel model = learn_weight(controls(), em);
+  for (const Contours& letter : {letter_o(90, 76, 450, 700, 12), letter_e(90, 76, 420, 700)}) {
+    const Contours plain = at_amount(letter, 1.0).contours;
+    const WeightOptions options{.detail_scale = 40.0};
+    const Weighted made = apply_weight(letter, LetterClass::Capital, model, em, options);
+    REQUIRE(made.amount == 1.0);
+    for (std::size_t c = 0; c < letter.size(); ++c) CHECK(farthest(made.contours[c], plain[c], 0.1).distance < 2.0);
+  }
+}
+
 TEST_CASE("a model fits any units per em", "[weight]") {
   std::vector<WeightPair> large = controls();
   for (WeightPair& pair : large) {
@@ -345,4 +582,8 @@ TEST_CASE("weight refuses what it cannot mean", "[weight]") {
   CHECK_THROWS_AS(apply_weight(e, LetterClass::Capital, model, -1.0), InvalidInput);
   CHECK_THROWS_AS(apply_weight(e, LetterClass::Capital, model, em, {.amount = 2.5}), InvalidInput);
   CHECK_THROWS_AS(apply_weight(e, LetterClass::Capital, model, em, {.amount = std::nan("")}), InvalidInput);
+  CHECK_THROWS_AS(apply_weight(e, LetterClass::Capital, model, em, {.amounts = {.x = 2.5}}), InvalidInput);
+  CHECK_THROWS_AS(apply_weight(e, LetterClass::Capital, model, em, {.amount = 2.0, .amounts = {.y = -0.6}}),
+                  InvalidInput);
+  CHECK_THROWS_AS(measure_stems(std::vector<Contours>{e}, 0.0), InvalidInput);
 }
