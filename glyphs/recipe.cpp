@@ -217,7 +217,6 @@ Keep read_keep(const Json& json) {
 Recipe read_recipe(const std::string& json) {
   const Json root = parse_json(json);
   ObjectReader reader(root, "");
-  if (!root.is_object()) reader.fail("", "a recipe is an object");
   Recipe recipe;
   recipe.lengths_in_thousandths = reader.take_choice("unit", {"unit", "em/1000"}, "unit") == "em/1000";
   recipe.glyphs = reader.take_text("glyphs", "");

@@ -80,81 +80,66 @@ Json list_json(const Nested& list) {
   }
 }
 
-// Every key once, no other, each of its kind.
-class Reader {
- public:
-  Reader(const Json& object, std::string where, std::initializer_list<const char*> keys)
-      : object_(object), where_(std::move(where)) {
-    if (!object.is_object()) fail("an object is expected");
-    for (const auto& [key, value] : object.items()) {
-      if (std::ranges::none_of(keys, [&, &k = key](const char* known) { return k == known; })) fail(key + ": unknown");
-    }
-    for (const char* key : keys) {
-      if (!object.contains(key)) fail(std::string(key) + ": missing");
-    }
+// A finite number, of a size that no model has.
+double sized(const ObjectReader& reader, const std::string& key, const Json& value) {
+  if (!value.is_number() || !std::isfinite(value.get<double>()) || std::abs(value.get<double>()) > 1e6) {
+    reader.fail(key, "must be a number of at most a million");
   }
-  const Json& at(const char* key) const { return object_.at(key); }
-  std::string where(const char* key) const { return where_ + ": " + key; }
-  double number(const char* key) const { return number_of(at(key), where(key)); }
-  const Json& list(const char* key) const {
-    if (!at(key).is_array()) throw RequestError(where(key) + ": a list is expected");
-    return at(key);
-  }
-  template <typename Nested>
-  void fill(const char* key, Nested& nested) const {
-    fill(at(key), where(key), nested);
-  }
-  static double number_of(const Json& value, const std::string& where) {
-    if (!value.is_number() || !std::isfinite(value.get<double>()) || std::abs(value.get<double>()) > 1e6) {
-      throw RequestError(where + ": a number of at most a million is expected");
-    }
-    return value.get<double>();
-  }
+  return value.get<double>();
+}
+double take_sized(ObjectReader& reader, const std::string& key) { return sized(reader, key, reader.take(key)); }
 
- private:
-  [[noreturn]] void fail(const std::string& why) const { throw RequestError(where_ + ": " + why); }
-  template <typename Nested>
-  static void fill(const Json& value, const std::string& where, Nested& nested) {
-    if constexpr (std::is_arithmetic_v<Nested>) {
-      nested = number_of(value, where);
-    } else {
-      if (!value.is_array() || value.size() != nested.size()) {
-        throw RequestError(text(where, ": a list of ", nested.size(), " is expected"));
-      }
-      for (std::size_t i = 0; i < nested.size(); ++i) fill(value[i], text(where, " ", i), nested[i]);
+template <typename Nested>
+void fill(const ObjectReader& reader, const std::string& key, const Json& value, Nested& nested) {
+  if constexpr (std::is_arithmetic_v<Nested>) {
+    nested = sized(reader, key, value);
+  } else {
+    if (!value.is_array() || value.size() != nested.size()) {
+      reader.fail(key, text("must be a list of ", nested.size()));
     }
+    for (std::size_t i = 0; i < nested.size(); ++i) fill(reader, text(key, "[", i, "]"), value[i], nested[i]);
   }
+}
+template <typename Nested>
+void take_nested(ObjectReader& reader, const std::string& key, Nested& nested) {
+  fill(reader, key, reader.take(key), nested);
+}
 
-  const Json& object_;
-  std::string where_;
-};
+const Json& take_list(ObjectReader& reader, const std::string& key) {
+  const Json& value = reader.take(key);
+  if (!value.is_array()) reader.fail(key, "must be a list");
+  return value;
+}
 
-WeightModel::Stroke read_stroke(const Json& json, const std::string& where) {
-  const Reader reader(json, where, {"thickness", "growth"});
-  const WeightModel::Stroke stroke{reader.number("thickness"), reader.number("growth")};
-  if (!(stroke.thickness > 0.0)) throw RequestError(where + ": thickness: it must be positive");
+WeightModel::Stroke take_stroke(ObjectReader& letters, const std::string& key) {
+  ObjectReader reader(letters.take(key), letters.where(key));
+  const WeightModel::Stroke stroke{take_sized(reader, "thickness"), take_sized(reader, "growth")};
+  if (!(stroke.thickness > 0.0)) reader.fail("thickness", "must be positive");
+  reader.finish();
   return stroke;
 }
 
-std::vector<WeightModel::Zone> read_zones(const Reader& reader, const char* key) {
+std::vector<WeightModel::Zone> take_zones(ObjectReader& model, const std::string& key) {
   std::vector<WeightModel::Zone> zones;
-  for (const Json& item : reader.list(key)) {
-    const Reader zone(item, text(reader.where(key), " ", zones.size()), {"height", "shift"});
-    zones.push_back({zone.number("height"), zone.number("shift")});
+  for (const Json& item : take_list(model, key)) {
+    ObjectReader zone(item, model.where(text(key, "[", zones.size(), "]")));
+    zones.push_back({take_sized(zone, "height"), take_sized(zone, "shift")});
+    zone.finish();
     if (zones.size() > 1 && zones[zones.size() - 2].height >= zones.back().height) {
-      throw RequestError(reader.where(key) + ": heights must rise");
+      model.fail(key, "heights must rise");
     }
   }
   return zones;
 }
 
 // How much wider letters grow, by name.
-std::map<std::string, double> read_letters(const Reader& reader, const char* key) {
+std::map<std::string, double> take_letters(ObjectReader& reader, const std::string& key) {
   std::map<std::string, double> letters;
-  if (!reader.at(key).is_object()) throw RequestError(reader.where(key) + ": an object is expected");
-  for (const auto& [name, value] : reader.at(key).items()) {
-    letters[name] = Reader::number_of(value, reader.where(key) + ": " + name);
-    if (std::abs(letters[name]) > 3.0) throw RequestError(reader.where(key) + ": " + name + ": at most 3 is expected");
+  const Json& object = reader.take(key);
+  if (!object.is_object()) reader.fail(key, "must be an object");
+  for (const auto& [name, value] : object.items()) {
+    letters[name] = sized(reader, key + "." + name, value);
+    if (std::abs(letters[name]) > 3.0) reader.fail(key + "." + name, "must be at most 3");
   }
   return letters;
 }
@@ -281,54 +266,80 @@ std::string weight_json(const WeightModel& model) {
   return json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
-WeightModel parse_weight(const std::string& source, const std::string& name) {
-  const Json json = naming_file(name, source, parse_json);
-  const Reader reader(json, name,
-                      {"format", "version", "unit", "directions", "thicknesses", "widths", class_names[0],
-                       class_names[1], "top", "bottom", "widening", "controls"});
-  if (reader.at("format") != format_name || reader.at("version") != 1 || reader.at("unit") != "em/1000") {
-    throw RequestError(name + ": no weight model of this version");
+namespace {
+
+WeightModel read_weight(const std::string& source) {
+  const Json json = parse_json(source);
+  ObjectReader reader(json, "");
+  if (reader.take("format") != format_name || reader.take("version") != 1 || reader.take("unit") != "em/1000") {
+    reader.fail("format", "no weight model of this version");
   }
   const auto expect = [&](const char* key, const auto& nodes) {
     auto given = nodes;
-    reader.fill(key, given);
-    if (given != nodes) throw RequestError(reader.where(key) + ": other places than those of this version");
+    take_nested(reader, key, given);
+    if (given != nodes) reader.fail(key, "must be the places of this version");
   };
   expect("directions", WeightModel::directions);
   expect("thicknesses", WeightModel::thicknesses);
   expect("widths", WeightModel::widths);
   WeightModel model;
   for (std::size_t c = 0; c < 2; ++c) {
-    const Reader own(reader.at(class_names[c]), reader.where(class_names[c]),
-                     {"upright", "level", "counter", "counter_growth", "counter_slope", "spread", "serif", "room",
-                      "left_side", "right_side", "correction", "deviation", "counter_correction"});
+    ObjectReader own(reader.take(class_names[c]), class_names[c]);
     WeightModel::Letters& letters = model.letters[c];
-    letters.upright = read_stroke(own.at("upright"), own.where("upright"));
-    letters.level = read_stroke(own.at("level"), own.where("level"));
-    letters.counter = own.number("counter");
-    letters.counter_growth = own.number("counter_growth");
-    letters.counter_slope = own.number("counter_slope");
-    letters.spread = own.number("spread");
-    letters.serif = own.number("serif");
-    letters.room = own.number("room");
-    letters.left_side = own.number("left_side");
-    letters.right_side = own.number("right_side");
-    own.fill("correction", letters.correction);
-    own.fill("deviation", letters.deviation);
-    own.fill("counter_correction", letters.counter_correction);
+    letters.upright = take_stroke(own, "upright");
+    letters.level = take_stroke(own, "level");
+    letters.counter = take_sized(own, "counter");
+    letters.counter_growth = take_sized(own, "counter_growth");
+    letters.counter_slope = take_sized(own, "counter_slope");
+    letters.spread = take_sized(own, "spread");
+    letters.serif = take_sized(own, "serif");
+    letters.room = take_sized(own, "room");
+    letters.left_side = take_sized(own, "left_side");
+    letters.right_side = take_sized(own, "right_side");
+    take_nested(own, "correction", letters.correction);
+    take_nested(own, "deviation", letters.deviation);
+    take_nested(own, "counter_correction", letters.counter_correction);
+    own.finish();
   }
-  model.top = read_zones(reader, "top");
-  model.bottom = read_zones(reader, "bottom");
-  model.widening = read_letters(reader, "widening");
-  for (const Json& item : reader.list("controls")) {
-    const Reader control(item, text(reader.where("controls"), " ", model.controls.size()),
-                         {"name", "used", "thickness_error", "width_error"});
-    if (!control.at("name").is_string()) throw RequestError(control.where("name") + ": a text is expected");
-    if (!control.at("used").is_boolean()) throw RequestError(control.where("used") + ": true or false is expected");
-    model.controls.push_back({control.at("name").get<std::string>(), control.number("thickness_error"),
-                              control.number("width_error"), control.at("used").get<bool>()});
+  model.top = take_zones(reader, "top");
+  model.bottom = take_zones(reader, "bottom");
+  model.widening = take_letters(reader, "widening");
+  for (const Json& item : take_list(reader, "controls")) {
+    ObjectReader control(item, text("controls[", model.controls.size(), "]"));
+    WeightModel::Control& read = model.controls.emplace_back();
+    if (!control.has("name")) control.fail("name", "is missing");
+    read.name = control.take_text("name", "");
+    if (!control.has("used")) control.fail("used", "is missing");
+    read.used = control.take_flag("used", true);
+    read.thickness_error = take_sized(control, "thickness_error");
+    read.width_error = take_sized(control, "width_error");
+    control.finish();
   }
+  reader.finish();
   return model;
+}
+
+WeightPrior read_prior(const std::string& source) {
+  const Json json = parse_json(source);
+  ObjectReader reader(json, "");
+  if (reader.take("format") != prior_name || reader.take("version") != 1) {
+    reader.fail("format", "no weight prior of this version");
+  }
+  WeightPrior prior;
+  for (const Json& family : take_list(reader, "families")) {
+    if (!family.is_string()) reader.fail("families", "must be strings");
+    prior.families.push_back(family.get<std::string>());
+  }
+  prior.even = take_letters(reader, "even");
+  prior.contrasted = take_letters(reader, "contrasted");
+  reader.finish();
+  return prior;
+}
+
+}  // namespace
+
+WeightModel parse_weight(const std::string& source, const std::string& name) {
+  return naming_file(name, source, read_weight);
 }
 
 int ReweightResult::changed() const {
@@ -417,19 +428,7 @@ std::string prior_json(const WeightPrior& prior) {
 }
 
 WeightPrior parse_prior(const std::string& source, const std::string& name) {
-  const Json json = naming_file(name, source, parse_json);
-  const Reader reader(json, name, {"format", "version", "families", "even", "contrasted"});
-  if (reader.at("format") != prior_name || reader.at("version") != 1) {
-    throw RequestError(name + ": no weight prior of this version");
-  }
-  WeightPrior prior;
-  for (const Json& family : reader.list("families")) {
-    if (!family.is_string()) throw RequestError(reader.where("families") + ": texts are expected");
-    prior.families.push_back(family.get<std::string>());
-  }
-  prior.even = read_letters(reader, "even");
-  prior.contrasted = read_letters(reader, "contrasted");
-  return prior;
+  return naming_file(name, source, read_prior);
 }
 
 WeightPrior latin_prior() { return parse_prior(latin_prior_json, "latin.json"); }

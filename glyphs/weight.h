@@ -54,8 +54,7 @@ void take_prior(fontcore::WeightModel& model, const WeightPrior& prior);
 /// lists by direction, straight strokes before round ones. Same model, same bytes.
 std::string weight_json(const fontcore::WeightModel& model);
 /// Throws  RequestError, one line naming file and key, on JSON that does not parse, a key missing or unknown, a value
-/// of
-///         the wrong type or shape, a number that is not finite.
+///         of the wrong type or shape, a number that is not finite.
 fontcore::WeightModel parse_weight(const std::string& json, const std::string& name);
 
 struct ReweightOptions {

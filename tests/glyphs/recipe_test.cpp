@@ -84,7 +84,7 @@ TEST_CASE("unknown and repeated keys, wrong types and what cannot be honoured ar
   CHECK(refusal(R"({"steps": [], "steps": []})") == "r.json: steps: given twice");
   CHECK(refusal(R"({"steps": []},)") == "r.json: not JSON: error near line 1");
   CHECK(refusal("{\n\"steps\": [}") == "r.json: not JSON: error near line 2");
-  CHECK(refusal("[]") == "r.json: : must be an object");
+  CHECK(refusal("[]") == "r.json: must be an object");
   CHECK(refusal("{}") == "r.json: steps: is missing");
   CHECK(refusal(with_step(step + R"(, "bredth": 5)")) == "r.json: steps[0].bredth: unknown key");
   CHECK(refusal(with_step(R"("near": [1], "move": [3, 4], "breadth": 5)")) ==

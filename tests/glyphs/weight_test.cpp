@@ -88,22 +88,22 @@ TEST_CASE("a weight model that is none is refused by file and key", "[weight]") 
   const nlohmann::json good = nlohmann::json::parse(weight_json(model_of(open_sans)));
   CHECK(refusal(good.dump()).empty());
   CHECK(refusal("{").starts_with("m.json: "));
-  CHECK(refusal("[]") == "m.json: an object is expected");
+  CHECK(refusal("[]") == "m.json: must be an object");
   const auto changed = [&](const auto& change) {
     nlohmann::json json = good;
     change(json);
     return refusal(json.dump());
   };
-  CHECK(changed([](auto& j) { j["colour"] = 1; }) == "m.json: colour: unknown");
-  CHECK(changed([](auto& j) { j.erase("top"); }) == "m.json: top: missing");
-  CHECK(changed([](auto& j) { j["version"] = 2; }) == "m.json: no weight model of this version");
+  CHECK(changed([](auto& j) { j["colour"] = 1; }) == "m.json: colour: unknown key");
+  CHECK(changed([](auto& j) { j.erase("top"); }) == "m.json: top: is missing");
+  CHECK(changed([](auto& j) { j["version"] = 2; }) == "m.json: format: no weight model of this version");
   CHECK(changed([](auto& j) { j["capitals"]["upright"]["thickness"] = 0; }) ==
-        "m.json: capitals: upright: thickness: it must be positive");
+        "m.json: capitals.upright.thickness: must be positive");
   CHECK(changed([](auto& j) { j["capitals"]["serif"] = "much"; }) ==
-        "m.json: capitals: serif: a number of at most a million is expected");
+        "m.json: capitals.serif: must be a number of at most a million");
   CHECK(changed([](auto& j) { j["lower_case"]["correction"][1].erase(0); }) ==
-        "m.json: lower_case: correction 1: a list of 7 is expected");
-  CHECK(changed([](auto& j) { j["widths"][0] = 21; }) == "m.json: widths: other places than those of this version");
+        "m.json: lower_case.correction[1]: must be a list of 7");
+  CHECK(changed([](auto& j) { j["widths"][0] = 21; }) == "m.json: widths: must be the places of this version");
 }
 
 TEST_CASE("letters in the learnt weight have the areas of those that were drawn", "[weight]") {
