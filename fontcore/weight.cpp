@@ -138,6 +138,15 @@ struct StrokePlace {
 double contrast(const Letters& letters) { return 1.0 - letters.level.thickness / letters.upright.thickness; }
 double share_of_contrast(const Letters& letters) { return std::clamp((contrast(letters) - 0.25) / 0.15, 0.0, 1.0); }
 
+// Where a stroke stands between the thin strokes of its class (0) and the thick ones (1): straight ones are the one or
+// the other, round ones go over.
+double thickness_share(const Letters& letters, const StrokePlace& place) {
+  const double z =
+      (place.thickness - letters.level.thickness) / std::max(letters.upright.thickness - letters.level.thickness, 5.0);
+  const double v = std::clamp((z - 0.25) / 0.5, 0.0, 1.0);
+  return place.is_round ? std::clamp(z, -0.2, 1.1) : v * v * (3.0 - 2.0 * v) + std::clamp(z - 1.0, 0.0, 0.1);
+}
+
 // The growth of a stroke by the strokes of its class alone.
 double law(const Letters& letters, const StrokePlace& place) {
   const Stroke& up = letters.upright;
@@ -155,11 +164,8 @@ double law(const Letters& letters, const StrokePlace& place) {
   const double even = std::min(growth * (relative < 1.0 ? std::pow(std::max(relative, 0.15), g)
                                                         : std::pow(std::min(relative, 4.0), std::min(g, 1.0))),
                                std::max(1.1 * std::max(up.growth, bar.growth), growth));
-  // Thin and thick ones: straight strokes are the one or the other, round ones go over.
-  const double z = (T - bar.thickness) / std::max(up.thickness - bar.thickness, 5.0);
-  const double v = std::clamp((z - 0.25) / 0.5, 0.0, 1.0);
-  const double thick =
-      place.is_round ? std::clamp(z, -0.2, 1.1) : v * v * (3.0 - 2.0 * v) + std::clamp(z - 1.0, 0.0, 0.1);
+  // Thin and thick ones.
+  const double thick = thickness_share(letters, place);
   const double across = std::pow(std::sqrt(c2), place.is_round ? diagonal_round : diagonal);
   const double contrasted = bar.growth + (up.growth * across - bar.growth) * thick;
   const double share = share_of_contrast(letters);
@@ -934,8 +940,9 @@ class Application {
   }
 
   const StrokeEdges& shape() const { return shape_; }
-  // Displacement of every point at amount 1.
-  std::vector<Points> moves(const Folds& folds, const OutlineRules& rules, const std::vector<Rows>& held) const {
+  // Displacement of every point, linear in the amounts.
+  std::vector<Points> moves(const WeightAmounts& amounts, const Folds& folds, const OutlineRules& rules,
+                            const std::vector<Rows>& held) const {
     Wishes wishes(contours_);
     std::vector<Wishes::Sum> starts;
     std::vector<Wishes::Sum> middles;
@@ -943,24 +950,40 @@ class Application {
       starts.push_back(wishes.at(edge.contour, edge.segment, edge.u0));
       middles.push_back(wishes.at(edge.contour, edge.segment, 0.5 * (edge.u0 + edge.u1)));
     }
-    ask_strokes(wishes, middles);
-    ask_counters(wishes, middles);
-    ask_zones(wishes, starts, middles);
-    ask_offset(wishes, starts, folds);
-    ask_folds(wishes, folds);
+    ask_strokes(wishes, amounts, middles);
+    ask_counters(wishes, amounts, middles);
+    ask_zones(wishes, amounts, starts, middles);
+    ask_offset(wishes, amounts, starts, folds);
+    ask_folds(wishes, amounts, folds);
     ask_handles(wishes);
     return wishes.solve(rules, held);
   }
 
  private:
   const Growth& growth(int edge) const { return growth_[static_cast<std::size_t>(edge)]; }
+  // The amount that an edge takes as part of a stroke of a thickness.
+  double taken(const WeightAmounts& amounts, const StrokeEdge& edge, double thickness) const {
+    const double by_direction = amounts.y + (amounts.x - amounts.y) * squared(std::cos(edge.direction));
+    double amount = by_direction;
+    if (amounts.thin) {
+      const StrokePlace place{thickness, edge.direction, index_, !edge.is_line};
+      const double thin = 1.0 - std::clamp(thickness_share(letters_, place), 0.0, 1.0);
+      amount += share_of_contrast(letters_) * thin * (*amounts.thin - by_direction);
+    }
+    const bool faces_serif = edge.ink.exists() && edge.facing > 0.7 && is_serif(shape_[edge.ink.edge], stem_);
+    if (amounts.serif && (faces_serif || is_serif(edge, stem_))) amount = *amounts.serif;
+    return amount;
+  }
+  double taken(const WeightAmounts& amounts, const StrokeEdge& edge) const {
+    return taken(amounts, edge, place_of(edge, index_).thickness);
+  }
   Wishes::Sum on(const Wishes& wishes, const EdgeHit& hit) const {
     const StrokeEdge& edge = shape_[hit.edge];
     return wishes.at(edge.contour, edge.segment, edge.u0 + std::clamp(hit.at, 0.0, 1.0) * (edge.u1 - edge.u0));
   }
 
   // Every stroke grows as the law says, the surer the heavier.
-  void ask_strokes(Wishes& wishes, const std::vector<Wishes::Sum>& middles) const {
+  void ask_strokes(Wishes& wishes, const WeightAmounts& amounts, const std::vector<Wishes::Sum>& middles) const {
     for (int i = 0; i < shape_.size(); ++i) {
       const StrokeEdge& edge = shape_[i];
       if (!edge.ink.exists() || edge.facing <= 0.5) continue;
@@ -968,12 +991,12 @@ class Application {
                             (16.0 + squared(std::max(growth(i).deviation, least_deviation))) /
                             (1.0 + std::pow(edge.thickness() / (1.6 * stem_), 10));
       wishes.add({{middles[static_cast<std::size_t>(i)], edge.normal}, {on(wishes, edge.ink), -edge.normal}},
-                 growth(i).value, weight);
+                 taken(amounts, edge) * growth(i).value, weight);
     }
   }
 
   // Counters between upright strokes grow as the control letters' do; those above each other alike.
-  void ask_counters(Wishes& wishes, const std::vector<Wishes::Sum>& middles) const {
+  void ask_counters(Wishes& wishes, const WeightAmounts& amounts, const std::vector<Wishes::Sum>& middles) const {
     for (int i = 0; i < shape_.size(); ++i) {
       const StrokeEdge& edge = shape_[i];
       const Wishes::Sum& own = middles[static_cast<std::size_t>(i)];
@@ -984,9 +1007,12 @@ class Application {
         const double law = counter_growth_at(model_, index_, width, (edge.is_line ? 0 : 1) + (other.is_line ? 0 : 1));
         const double grown = std::max(
             law - 0.5 * (growth(i).value + growth(j).value) + letters_.upright.growth + stretch_ * width, -0.8 * width);
+        // Strokes that take another amount than widths leave or take the difference.
+        const double rest = 0.5 * (growth(i).value * (amounts.x - taken(amounts, edge)) +
+                                   growth(j).value * (amounts.x - taken(amounts, other)));
         const double facing = std::pow(std::abs(edge.normal.x() * other.normal.x()), 16);
         const double sign = edge.normal.x() < 0.0 ? -1.0 : 1.0;
-        wishes.add({{on(wishes, edge.gap_x), Point(sign, 0)}, {own, Point(-sign, 0)}}, grown,
+        wishes.add({{on(wishes, edge.gap_x), Point(sign, 0)}, {own, Point(-sign, 0)}}, amounts.x * grown + rest,
                    counter_weight * 0.1 * edge.length * facing * stem_like(edge, stem_) * stem_like(other, stem_));
       }
       if (edge.gap_y.exists()) {
@@ -998,7 +1024,7 @@ class Application {
     wishes.add({}, 0.0, 1.0, 1.0);
   }
 
-  void ask_zones(Wishes& wishes, const std::vector<Wishes::Sum>& starts,
+  void ask_zones(Wishes& wishes, const WeightAmounts& amounts, const std::vector<Wishes::Sum>& starts,
                  const std::vector<Wishes::Sum>& middles) const {
     for (const double sign : {1.0, -1.0}) {
       const std::vector<Zone>& zones = sign > 0.0 ? model_.top : model_.bottom;
@@ -1007,13 +1033,14 @@ class Application {
         const StrokeEdge& edge = shape_[i];
         const double y = edge.middle.y();
         if (sign * edge.normal.y() > 0.99 && edge.is_line && (is_near(zones, y) || std::abs(y - end) < 2.0)) {
-          wishes.add({{middles[static_cast<std::size_t>(i)], Point(0, 1)}}, shift_of(zones, y),
+          wishes.add({{middles[static_cast<std::size_t>(i)], Point(0, 1)}}, amounts.y * shift_of(zones, y),
                      zone_weight * std::max(0.1 * edge.length, 0.5));
         }
         const double y0 = edge.start.y();
         const bool is_top = shape_.is_extremum(i, sign) && (is_near(zones, y0) || std::abs(y0 - end) < 2.0);
         if (is_top || std::abs(y0 - end) < 0.5) {
-          wishes.add({{starts[static_cast<std::size_t>(i)], Point(0, 1)}}, shift_of(zones, y0), zone_weight);
+          wishes.add({{starts[static_cast<std::size_t>(i)], Point(0, 1)}}, amounts.y * shift_of(zones, y0),
+                     zone_weight);
         }
       }
     }
@@ -1021,7 +1048,7 @@ class Application {
 
   // Where nothing else is said, edges go out by half the growth, corners mitred, the whole spread in x and between the
   // zones in y.
-  std::vector<Point> offsets() const {
+  std::vector<Point> offsets(const WeightAmounts& amounts) const {
     std::vector<double> half;
     for (int i = 0; i < shape_.size(); ++i) {
       const StrokeEdge& edge = shape_[i];
@@ -1029,7 +1056,8 @@ class Application {
       StrokePlace place = place_of(edge, index_);
       const double c2 = squared(std::cos(edge.direction));
       place.thickness = letters_.upright.thickness * c2 + letters_.level.thickness * (1.0 - c2);
-      half.push_back(0.5 * (is_sure(edge) ? growth(i).value : growth_at(model_, place).value));
+      half.push_back(is_sure(edge) ? taken(amounts, edge) * 0.5 * growth(i).value
+                                   : taken(amounts, edge, place.thickness) * 0.5 * growth_at(model_, place).value);
     }
     std::vector<Point> offset;
     int highest = 0;
@@ -1056,12 +1084,13 @@ class Application {
     }
     const double low = shape_.box().low.y();
     const double high = shape_.box().high.y();
-    const double top = shift_of(model_.top, high) - offset[static_cast<std::size_t>(highest)].y();
-    const double bottom = shift_of(model_.bottom, low) - offset[static_cast<std::size_t>(lowest)].y();
+    const double top = amounts.y * shift_of(model_.top, high) - offset[static_cast<std::size_t>(highest)].y();
+    const double bottom = amounts.y * shift_of(model_.bottom, low) - offset[static_cast<std::size_t>(lowest)].y();
     for (int i = 0; i < shape_.size(); ++i) {
       const Point& p = shape_[i].start;
       const double t = high > low ? (p.y() - low) / (high - low) : 0.5;
-      offset[static_cast<std::size_t>(i)] += Point((letters_.spread + stretch_) * p.x(), bottom + (top - bottom) * t);
+      offset[static_cast<std::size_t>(i)] +=
+          Point(amounts.x * ((letters_.spread + stretch_) * p.x()), bottom + (top - bottom) * t);
     }
     return offset;
   }
@@ -1069,8 +1098,10 @@ class Application {
     return edge.ink.exists() && edge.thickness() < 200.0 && edge.facing > 0.6;
   }
 
-  void ask_offset(Wishes& wishes, const std::vector<Wishes::Sum>& starts, const Folds& folds) const {
-    const std::vector<Point> offset = offsets();
+  void ask_offset(Wishes& wishes, const WeightAmounts& amounts, const std::vector<Wishes::Sum>& starts,
+                  const Folds& folds) const {
+    const std::vector<Point> offset = offsets(amounts);
+    const double along_serifs = amounts.serif.value_or(amounts.x);
     const double share = share_of_contrast(letters_);
     for (int i = 0; i < shape_.size(); ++i) {
       const StrokeEdge& edge = shape_[i];
@@ -1086,7 +1117,7 @@ class Application {
       double weight = gradient_weight * slope;
       if (share > 0.0 && is_serif(edge, stem_)) {
         weight *= 1.0 - 0.95 * share;
-        wishes.add({{next, Point(1, 0)}, {own, Point(-1, 0)}}, letters_.serif * edge.chord.x(),
+        wishes.add({{next, Point(1, 0)}, {own, Point(-1, 0)}}, along_serifs * letters_.serif * edge.chord.x(),
                    share * serif_weight * slope);
       }
       wishes.add(next, own, offset[static_cast<std::size_t>(edge.next)] - d, weight);
@@ -1110,8 +1141,9 @@ class Application {
     }
   }
 
-  // Segments that folded over keep half of their length, so that they do not up to twice the step; or more.
-  void ask_folds(Wishes& wishes, const Folds& folds) const {
+  // Segments that folded over keep half of their length, so that they do not up to twice the step; or more. They take
+  // the level strokes' amount, so that the moves are linear in the amounts.
+  void ask_folds(Wishes& wishes, const WeightAmounts& amounts, const Folds& folds) const {
     for (std::size_t c = 0; c < contours_.size(); ++c) {
       for (int s = 0; s < contours_[c].segment_count(); ++s) {
         const Fold fold = folds[c][static_cast<std::size_t>(s)];
@@ -1122,7 +1154,7 @@ class Application {
         if (length == 0.0) continue;
         const int index = static_cast<int>(c);
         wishes.add({{wishes.at(index, s, 1.0), chord / length}, {wishes.at(index, s, 0.0), -chord / length}},
-                   fold == Fold::Halved ? -0.5 * length : 0.0, rigid_weight);
+                   fold == Fold::Halved ? amounts.y * -0.5 * length : 0.0, rigid_weight);
       }
     }
   }
@@ -1340,15 +1372,24 @@ WeightModel learn_weight(std::span<const WeightPair> pairs, double units_per_em)
 Weighted apply_weight(const std::vector<BezierContour>& contours, LetterClass letter_class, const WeightModel& model,
                       double units_per_em, const WeightOptions& options) {
   if (!(units_per_em > 0.0)) throw InvalidInput(text("apply_weight: units_per_em is ", units_per_em));
-  if (!(options.amount >= -1.0 && options.amount <= 2.0)) {
-    throw InvalidInput(text("apply_weight: the amount ", options.amount, " is not between -1 and 2"));
+  const WeightAmounts& amounts = options.amounts;
+  double least = std::numeric_limits<double>::infinity();
+  double most = -least;
+  for (const double of_kind :
+       {amounts.x, amounts.y, amounts.thin.value_or(amounts.x), amounts.serif.value_or(amounts.x)}) {
+    const double amount = options.amount * of_kind;
+    if (!(amount >= -1.0 && amount <= 2.0)) {
+      throw InvalidInput(text("apply_weight: the amount ", amount, " is not between -1 and 2"));
+    }
+    least = std::min(least, amount);
+    most = std::max(most, amount);
   }
   const int letters = letter_class == LetterClass::Capital ? 1 : 0;
   const double unit = units_per_em / 1000.0;
   Weighted result{contours, 0.0, 0, 0.0, 0.0};
   const Contours own = in_thousandths(contours, units_per_em);
   const Application application(own, letters, model, options.widening);
-  if (options.amount == 0.0 || application.shape().size() == 0) return result;
+  if ((least == 0.0 && most == 0.0) || application.shape().size() == 0) return result;
 
   OutlineRules rules;
   rules.frame.italic_angle = options.italic_angle;
@@ -1359,7 +1400,7 @@ Weighted apply_weight(const std::vector<BezierContour>& contours, LetterClass le
   HeldHandles held(own);
   std::vector<Points> moves;
   for (bool again = true; again;) {
-    moves = application.moves(folds, rules, held.rows());
+    moves = application.moves({}, folds, rules, held.rows());
     again = held.hold(own, moved(own, moves, 1.0), beyond_allowed);
     for (Points& points : moves) points *= unit;
     const Contours bold = moved(contours, moves, 1.0);
@@ -1374,23 +1415,37 @@ Weighted apply_weight(const std::vector<BezierContour>& contours, LetterClass le
     }
   }
 
-  const auto is_good = [&](const Contours& weighted, double amount) {
+  // The whole step by the level strokes' amount, and what others take beyond it.
+  double whole = options.amount * amounts.y;
+  if (amounts.x != amounts.y || amounts.thin || amounts.serif) {
+    const auto beyond = [&](const std::optional<double>& amount) {
+      return amount ? std::optional(*amount - amounts.y) : std::nullopt;
+    };
+    const std::vector<Points> rest = application.moves(
+        {amounts.x - amounts.y, 0.0, beyond(amounts.thin), beyond(amounts.serif)}, folds, rules, held.rows());
+    for (std::size_t c = 0; c < moves.size(); ++c) {
+      moves[c] = options.amount * (amounts.y * moves[c] + unit * rest[c]);
+    }
+    whole = 1.0;
+  }
+  const auto is_good = [&](const Contours& weighted) {
     const std::vector<Crossing> after = find_crossings(weighted);
     if (added_crossings(crossings, after) > 0) return false;
     const Ink now = measure_ink(weighted, after);
-    return closed_counters(ink, now).empty() && (amount > 0.0 ? now.area >= ink.area : now.area <= ink.area);
+    return closed_counters(ink, now).empty() && (least < 0.0 || now.area >= ink.area) &&
+           (most > 0.0 || now.area <= ink.area);
   };
   double amount = options.amount;
-  Contours weighted = moved(contours, moves, amount);
-  if (!is_good(weighted, amount)) {
+  Contours weighted = moved(contours, moves, whole);
+  if (!is_good(weighted)) {
     // The largest share that is good, by halving; the last one tried that was.
     double low = 0.0;
     double high = 1.0;
     weighted = contours;
     for (int k = 0; k < 10; ++k) {
       const double share = 0.5 * (low + high);
-      Contours trial = moved(contours, moves, share * options.amount);
-      if (is_good(trial, options.amount)) {
+      Contours trial = moved(contours, moves, share * whole);
+      if (is_good(trial)) {
         low = share;
         weighted = std::move(trial);
       } else {
@@ -1406,9 +1461,122 @@ Weighted apply_weight(const std::vector<BezierContour>& contours, LetterClass le
         static_cast<int>(list.size() - static_cast<std::size_t>(std::ranges::count(list, Fold::Free)));
   }
   const Letters& own_letters = model.letters[static_cast<std::size_t>(letters)];
-  result.left_side = amount * unit * own_letters.left_side;
-  result.right_side = amount * unit * own_letters.right_side;
+  result.left_side = amount * amounts.x * unit * own_letters.left_side;
+  result.right_side = amount * amounts.x * unit * own_letters.right_side;
   return result;
+}
+
+StemWidths measure_stems(std::span<const Contours> letters, double units_per_em) {
+  if (!(units_per_em > 0.0)) throw InvalidInput(text("measure_stems: units_per_em is ", units_per_em));
+  std::vector<Weighed> upright;
+  std::vector<Weighed> level;
+  for (const Contours& letter : letters) {
+    const StrokeEdges shape(in_thousandths(letter, units_per_em), curve_step, line_step);
+    const double most = 1.5 * shape.stem(usual_stem);
+    for (const StrokeEdge& edge : shape.edges()) {
+      if (!is_stroke(edge) || edge.thickness() >= most) continue;
+      // Straight strokes say what stems are; round ones count where there are few.
+      const double weight = edge.length * (edge.is_line ? 1.0 : 0.1);
+      if (edge.direction < 0.25) upright.push_back({edge.thickness(), weight});
+      if (edge.direction > 1.25) level.push_back({edge.thickness(), edge.length});
+    }
+  }
+  const auto width = [&](const std::vector<Weighed>& list) {
+    return list.empty() ? std::nullopt : std::optional(median(list) * units_per_em / 1000.0);
+  };
+  return {width(upright), width(level)};
+}
+
+WeightAmounts amounts_for_stems(std::span<const Contours> letters, LetterClass letter_class, const WeightModel& model,
+                                double units_per_em, const StemWidths& wished) {
+  if (!wished.upright && !wished.level) throw InvalidInput("amounts_for_stems: no width is wished for");
+  const StemWidths now = measure_stems(letters, units_per_em);
+  const auto made_at = [&](const WeightAmounts& amounts) {
+    std::vector<Contours> made;
+    for (const Contours& letter : letters) {
+      made.push_back(apply_weight(letter, letter_class, model, units_per_em, {.amounts = amounts}).contours);
+    }
+    return measure_stems(made, units_per_em);
+  };
+  const StemWidths whole = made_at({});
+  // Widths grow evenly with their amounts: the whole step says how fast; a second look takes what medians leave.
+  const auto amount_of = [&](const char* kind, const std::optional<double>& wish, const std::optional<double>& from,
+                             const std::optional<double>& to, double start, double at) {
+    if (!from || !to || *from == *to) {
+      throw InvalidInput(text("amounts_for_stems: the model does not change ", kind, " strokes of these letters"));
+    }
+    const double amount = at + (*wish - start) / (*to - *from);
+    if (!(amount >= -1.0 && amount <= 2.0)) {
+      throw InvalidInput(text("amounts_for_stems: ", kind, " strokes of ", *wish, " from ", *from,
+                              " ask for the amount ", amount, ", which is not between -1 and 2"));
+    }
+    return amount;
+  };
+  WeightAmounts amounts{0.0, 0.0, {}, {}};
+  StemWidths reached = now;
+  for (int look = 0; look < 2; ++look) {
+    if (wished.upright) {
+      amounts.x = amount_of("upright", wished.upright, now.upright, whole.upright, *reached.upright, amounts.x);
+    }
+    if (wished.level) amounts.y = amount_of("level", wished.level, now.level, whole.level, *reached.level, amounts.y);
+    if (!wished.upright) amounts.x = amounts.y;
+    if (!wished.level) amounts.y = amounts.x;
+    reached = made_at(amounts);
+  }
+  return amounts;
+}
+
+WeightAmounts fit_amounts(std::span<const WeightPair> pairs, const WeightModel& model, double units_per_em) {
+  if (!(units_per_em > 0.0)) throw InvalidInput(text("fit_amounts: units_per_em is ", units_per_em));
+  WeightModel found;
+  const std::vector<Lesson> lessons = lessons_of(found, pairs, units_per_em);
+  if (lessons.empty()) {
+    throw InvalidInput(text("fit_amounts: of ", pairs.size(), " letters none has contours that pair up"));
+  }
+  // The growth of strokes: what was drawn, what the whole step makes of it, and what of that is due to x.
+  struct Shown {
+    double whole, by_x, drawn, length;
+  };
+  std::vector<Shown> strokes;
+  for (const Lesson& lesson : lessons) {
+    const LetterClass letter_class = lesson.pair->letter_class;
+    const Contours own = in_thousandths(lesson.pair->from, units_per_em);
+    const auto moves_at = [&](const WeightAmounts& amounts) {
+      const Contours made = apply_weight(own, letter_class, model, 1000.0, {.amounts = amounts}).contours;
+      std::vector<Point> at_starts;
+      for (const StrokeEdge& edge : lesson.shape.edges()) {
+        const auto c = static_cast<std::size_t>(edge.contour);
+        at_starts.push_back(evaluate(made[c].segment(edge.segment), edge.u0) - edge.start);
+      }
+      return at_starts;
+    };
+    const std::vector<Point> whole_moves = moves_at({});
+    const std::vector<Point> x_moves = moves_at({.x = 1.0, .y = 0.0});
+    const Moves whole(lesson.shape, whole_moves);
+    const Moves by_x(lesson.shape, x_moves);
+    const Moves drawn(lesson.shape, lesson.moves);
+    for (int i = 0; i < lesson.shape.size(); ++i) {
+      const StrokeEdge& edge = lesson.shape[i];
+      if (!is_stroke(edge) || edge.thickness() >= 1.5 * lesson.stem) continue;
+      strokes.push_back({whole.growth(i), by_x.growth(i), drawn.growth(i), edge.length});
+    }
+  }
+  // Least absolute errors, by least squares weighed anew.
+  constexpr int rounds = 30;
+  constexpr double near = 1.0;  // errors below count by their squares
+  Eigen::Vector2d best = Eigen::Vector2d::Ones();
+  for (int round = 0; round < rounds; ++round) {
+    Eigen::Matrix2d K = 1e-6 * Eigen::Matrix2d::Identity();
+    Eigen::Vector2d f = 1e-6 * Eigen::Vector2d::Ones();
+    for (const Shown& stroke : strokes) {
+      const Eigen::Vector2d row(stroke.by_x, stroke.whole - stroke.by_x);
+      const double weight = stroke.length / std::max(round == 0 ? 0.0 : std::abs(row.dot(best) - stroke.drawn), near);
+      K += weight * row * row.transpose();
+      f += weight * stroke.drawn * row;
+    }
+    best = K.ldlt().solve(f);
+  }
+  return {std::clamp(best[0], -1.0, 2.0), std::clamp(best[1], -1.0, 2.0), {}, {}};
 }
 
 }  // namespace fontcore

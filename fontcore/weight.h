@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -91,8 +92,20 @@ struct WeightModel {
 /// Throws  InvalidInput if no letter can be used, or if units_per_em is not positive.
 WeightModel learn_weight(std::span<const WeightPair> pairs, double units_per_em);
 
+/// How much of a learnt step each kind of stroke takes; one of them for all is the step itself.
+///
+/// A stroke between upright and level takes x cos^2 + y sin^2 of the direction of its normal, one between thin and
+/// thick goes over alike.
+struct WeightAmounts {
+  double x = 1.0;               ///< upright strokes, widths and sides
+  double y = 1.0;               ///< level strokes and heights
+  std::optional<double> thin;   ///< thin strokes of a contrasted face; not given: by their direction
+  std::optional<double> serif;  ///< serifs, how thick and how long they are; not given: as other strokes
+};
+
 struct WeightOptions {
-  double amount = 1.0;        ///< of the learnt step, -1 to 2; 0 is the identity
+  double amount = 1.0;        ///< of the learnt step; 0 is the identity
+  WeightAmounts amounts;      ///< times the amount, each product in [-1, 2]
   double widening = 0.0;      ///< of the shape beyond what the model says, in growths of an upright stroke
   double italic_angle = 0.0;  ///< what vertical means for lines and extrema, radians leaning right
 };
@@ -100,7 +113,7 @@ struct WeightOptions {
 /// A shape in another weight.
 struct Weighted {
   std::vector<BezierContour> contours;  ///< of the structure given, not rounded
-  double amount = 0.0;     ///< applied: less than asked where more would cross, close a counter or lose ink
+  double amount = 0.0;     ///< applied: nearer 0 than asked where more would cross, close a counter or lose ink
   int held_segments = 0;   ///< kept from folding over
   double left_side = 0.0;  ///< learnt growth of the sidebearings times the amount, font units
   double right_side = 0.0;
@@ -109,13 +122,43 @@ struct Weighted {
 /// Applies a learnt step: one least-squares problem on the outline's own points, with its lines, smooth joins and
 /// extrema kept as rows that hold exactly.
 ///
-/// The displacement is linear in the amount and 0 at 0, where the contours come back bit for bit. An amount above 0
-/// adds ink, one below takes it away. Where the outline would cross itself anew, close a counter or change its area
-/// against the sign of the amount, segments that fold over are held back; if that is not enough, the amount is
-/// scaled back to the largest that does neither.
+/// The displacement is linear in the amount and in `amounts`, and 0 where all of them are, where the contours come back
+/// bit for bit. Amounts above 0 add ink, ones below take it away, and mixed ones do as they may. Where the outline
+/// would cross itself anew, close a counter or change its area against the sign of the amounts, segments that fold over
+/// are held back; if that is not enough, the amount is scaled back to the largest that does neither.
 ///
-/// Units   font units. Throws InvalidInput if the amount is not in [-1, 2] or units_per_em is not positive.
+/// Units   font units. Throws InvalidInput if an amount is not in [-1, 2] or units_per_em is not positive.
 Weighted apply_weight(const std::vector<BezierContour>& contours, LetterClass letter_class, const WeightModel& model,
                       double units_per_em, const WeightOptions& options = {});
+
+/// Thickness of the upright and level strokes of letters; of a wish, either may be left open.
+///
+/// Units   font units.
+struct StemWidths {
+  std::optional<double> upright;
+  std::optional<double> level;
+};
+
+/// Measures letters of one class: the medians over their strokes, straight upright ones counting ten times as much as
+/// round ones. What the letters have no stroke of stays open.
+///
+/// Throws  InvalidInput if units_per_em is not positive.
+StemWidths measure_stems(std::span<const std::vector<BezierContour>> letters, double units_per_em);
+
+/// The amounts that give letters of one class the stems wished for, by what the model makes of these letters: its n and
+/// o, say. A width left open takes as much of the step as the other.
+///
+/// Exact   up to what the least squares leave: the medians of `measure_stems` within a hundredth of the step.
+/// Throws  InvalidInput if nothing is wished, if the letters have no such strokes, if the model does not change them,
+/// or
+///         if an amount would not be in [-1, 2].
+WeightAmounts amounts_for_stems(std::span<const std::vector<BezierContour>> letters, LetterClass letter_class,
+                                const WeightModel& model, double units_per_em, const StemWidths& wished);
+
+/// The x and y amounts of a model, learnt elsewhere perhaps, by which the strokes of letters come nearest in thickness
+/// to their other drawing: the least sum of errors over their length. Clamped to [-1, 2].
+///
+/// Throws  InvalidInput if no pair's contours pair up, or if units_per_em is not positive.
+WeightAmounts fit_amounts(std::span<const WeightPair> pairs, const WeightModel& model, double units_per_em);
 
 }  // namespace fontcore

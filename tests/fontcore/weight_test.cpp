@@ -96,6 +96,28 @@ Weighted at_amount(const Contours& contours, double amount, LetterClass letter_c
   return apply_weight(contours, letter_class, model, em, {.amount = amount});
 }
 
+Weighted with_amounts(const Contours& contours, const WeightAmounts& amounts) {
+  static const WeightModel model = learn_weight(controls(), em);
+  return apply_weight(contours, LetterClass::Capital, model, em, {.amounts = amounts});
+}
+
+// An I: a stem with serifs, `reach` beyond it and `slab` thick.
+Contours letter_i(double stem, double slab, double reach, double height) {
+  const double right = stem + 2.0 * reach;
+  return {shapes::polygon({{0, 0},
+                           {right, 0},
+                           {right, slab},
+                           {reach + stem, slab},
+                           {reach + stem, height - slab},
+                           {right, height - slab},
+                           {right, height},
+                           {0, height},
+                           {0, height - slab},
+                           {reach, height - slab},
+                           {reach, slab},
+                           {0, slab}})};
+}
+
 Contours mapped(const Contours& contours, const Affine& map) {
   Contours result;
   for (const BezierContour& contour : contours) result.push_back(transform(contour, map));
@@ -238,6 +260,103 @@ TEST_CASE("the outline moves evenly with the amount", "[weight]") {
   }
 }
 
+TEST_CASE("equal amounts of every kind are that amount, bit for bit", "[weight]") {
+  const Contours e = letter_e(90, 76, 420, 700);
+  for (const double amount : {-0.7, 0.0, 0.35, 1.0, 1.9}) {
+    const Weighted made = with_amounts(e, {.x = amount, .y = amount});
+    CHECK(made.contours == at_amount(e, amount).contours);
+  }
+}
+
+TEST_CASE("the outline moves evenly with every amount by itself", "[weight]") {
+  const Contours e = letter_e(90, 76, 420, 700);
+  const auto moved_by = [&](const WeightAmounts& amounts) -> Points {
+    return with_amounts(e, amounts).contours[0].points() - e[0].points();
+  };
+  const Points by_x = moved_by({.x = 1.0, .y = 0.0});
+  const Points by_y = moved_by({.x = 0.0, .y = 1.0});
+  for (const auto& [x, y] : {std::pair{1.0, 1.0}, {0.5, 1.5}, {-0.4, 0.8}, {1.8, 0.1}}) {
+    CHECK((moved_by({.x = x, .y = y}) - x * by_x - y * by_y).cwiseAbs().maxCoeff() < 1e-9);
+  }
+}
+
+TEST_CASE("each direction of strokes can be weighted alone", "[weight]") {
+  const std::vector<Contours> h = {letter_h(regular.stem, regular.bar, regular.counter, 700)};
+  const auto made = [&](const WeightAmounts& amounts) {
+    return std::vector<Contours>{with_amounts(h[0], amounts).contours};
+  };
+  const std::vector<Contours> wide = made({.x = 1.0, .y = 0.0});
+  CHECK(measure_stems(wide, em).level.value() == Approx(regular.bar).margin(0.5));
+  CHECK(measure_stems(wide, em).upright.value() == Approx(bold.stem).margin(2.0));
+  const std::vector<Contours> high = made({.x = 0.0, .y = 1.0});
+  CHECK(measure_stems(high, em).upright.value() == Approx(regular.stem).margin(0.5));
+  CHECK(measure_stems(high, em).level.value() == Approx(bold.bar).margin(2.0));
+  CHECK(tight_box(high[0][0]).high.x() == Approx(tight_box(h[0][0]).high.x()).margin(0.5));
+}
+
+TEST_CASE("thin strokes of a contrasted face take an amount of their own", "[weight]") {
+  const WeightPair pair = pair_of("H", LetterClass::Capital, letter_h(120, 40, 300, 700), letter_h(180, 55, 300, 700));
+  const WeightModel model = learn_weight(std::vector{pair}, em);
+  const auto bar_at = [&](const std::optional<double>& thin) {
+    const WeightOptions options{.amounts = {.thin = thin}};
+    const std::vector<Contours> made = {apply_weight(pair.from, LetterClass::Capital, model, em, options).contours};
+    CHECK(measure_stems(made, em).upright.value() == Approx(180.0).margin(1.0));
+    return measure_stems(made, em).level.value();
+  };
+  CHECK(bar_at({}) == Approx(55.0).margin(1.0));
+  CHECK(bar_at(0.0) == Approx(40.0).margin(1.0));
+  CHECK(bar_at(2.0) == Approx(70.0).margin(2.0));
+}
+
+TEST_CASE("serifs take an amount of their own", "[weight]") {
+  const WeightPair pair = pair_of("I", LetterClass::Capital, letter_i(100, 40, 60, 700), letter_i(160, 60, 80, 700));
+  const WeightModel model = learn_weight(std::vector{pair}, em);
+  const auto made_at = [&](const std::optional<double>& serif) {
+    return apply_weight(pair.from, LetterClass::Capital, model, em, {.amounts = {.serif = serif}}).contours[0];
+  };
+  const auto serif_of = [](const BezierContour& i) { return i.points()(2, 1) - i.points()(1, 1); };
+  CHECK(serif_of(made_at({})) == Approx(60.0).margin(2.0));
+  CHECK(serif_of(made_at(0.0)) == Approx(40.0).margin(2.0));
+  CHECK(serif_of(made_at(2.0)) > serif_of(made_at(1.0)));
+}
+
+TEST_CASE("stems wished for are met", "[weight]") {
+  const std::vector<Contours> letters = {letter_h(84, 70, 310, 520), letter_o(88, 72, 520, 520, 12)};
+  const WeightModel model = learn_weight(controls(), em);
+  for (const auto& [upright, level] : {std::pair{120.0, 90.0}, {84.0, 80.0}, {150.0, 70.0}, {60.0, 60.0}}) {
+    const WeightAmounts amounts =
+        amounts_for_stems(letters, LetterClass::LowerCase, model, em, {.upright = upright, .level = level});
+    std::vector<Contours> made;
+    for (const Contours& letter : letters) {
+      made.push_back(apply_weight(letter, LetterClass::LowerCase, model, em, {.amounts = amounts}).contours);
+    }
+    CHECK(measure_stems(made, em).upright.value() == Approx(upright).margin(0.6));
+    CHECK(measure_stems(made, em).level.value() == Approx(level).margin(0.6));
+  }
+  const WeightAmounts even =
+      amounts_for_stems(letters, LetterClass::LowerCase, model, em, {.upright = 120.0, .level = {}});
+  CHECK(even.x == even.y);
+  CHECK_THROWS_AS(amounts_for_stems(letters, LetterClass::LowerCase, model, em, {}), InvalidInput);
+  CHECK_THROWS_AS(amounts_for_stems({}, LetterClass::LowerCase, model, em, {.upright = 100.0, .level = {}}),
+                  InvalidInput);
+  CHECK_THROWS_AS(amounts_for_stems(letters, LetterClass::LowerCase, model, em, {.upright = 400.0, .level = {}}),
+                  InvalidInput);
+}
+
+TEST_CASE("the amounts a letter was made with are found again", "[weight]") {
+  const WeightModel model = learn_weight(controls(), em);
+  for (const auto& [x, y] : {std::pair{1.0, 1.0}, {0.6, 1.2}, {1.5, 0.7}}) {
+    std::vector<WeightPair> made = controls();
+    for (WeightPair& pair : made) {
+      pair.to = apply_weight(pair.from, pair.letter_class, model, em, {.amounts = {.x = x, .y = y}}).contours;
+    }
+    const WeightAmounts found = fit_amounts(made, model, em);
+    CHECK(found.x == Approx(x).margin(0.03));
+    CHECK(found.y == Approx(y).margin(0.05));
+  }
+  CHECK_THROWS_AS(fit_amounts({}, model, em), InvalidInput);
+}
+
 TEST_CASE("bolder never takes ink away, lighter never adds any", "[weight]") {
   const std::vector<Contours> letters = {letter_e(90, 76, 420, 700), letter_o(90, 76, 450, 700, 12),
                                          letter_h(90, 76, 300, 700), mapped(shapes::letter_a(), scaled(1000.0 / 2048))};
@@ -345,4 +464,8 @@ TEST_CASE("weight refuses what it cannot mean", "[weight]") {
   CHECK_THROWS_AS(apply_weight(e, LetterClass::Capital, model, -1.0), InvalidInput);
   CHECK_THROWS_AS(apply_weight(e, LetterClass::Capital, model, em, {.amount = 2.5}), InvalidInput);
   CHECK_THROWS_AS(apply_weight(e, LetterClass::Capital, model, em, {.amount = std::nan("")}), InvalidInput);
+  CHECK_THROWS_AS(apply_weight(e, LetterClass::Capital, model, em, {.amounts = {.x = 2.5}}), InvalidInput);
+  CHECK_THROWS_AS(apply_weight(e, LetterClass::Capital, model, em, {.amount = 2.0, .amounts = {.y = -0.6}}),
+                  InvalidInput);
+  CHECK_THROWS_AS(measure_stems(std::vector<Contours>{e}, 0.0), InvalidInput);
 }
