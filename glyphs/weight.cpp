@@ -5,12 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <numbers>
 
-#include "fontcore/crossing.h"
-#include "fontcore/ink.h"
 #include "fontcore/measure.h"
-#include "fontcore/rounding.h"
 #include "glyphs/error.h"
 #include "glyphs/json_reader.h"
 #include "latin_prior.h"
@@ -178,21 +174,6 @@ Contours shifted(const Contours& contours, double dx) {
   return result;
 }
 
-Contours in_whole_numbers(const Contours& wished, const Contours& original, double italic_angle) {
-  double scale = 0.0;
-  for (const BezierContour& contour : wished) scale += std::abs(signed_area(contour));
-  std::vector<fontcore::Unrounded> unrounded;
-  for (std::size_t k = 0; k < wished.size(); ++k) {
-    fontcore::OutlineRules rules;
-    rules.frame.italic_angle = italic_angle;
-    unrounded.push_back(
-        {wished[k], original[k], rules, {.area = signed_area(wished[k]), .scale = scale, .handles = {}}});
-  }
-  Contours result;
-  for (fontcore::Rounding& rounding : round_keeping_area(unrounded)) result.push_back(std::move(rounding.contour));
-  return result;
-}
-
 }  // namespace
 
 LetterClass letter_class_of(const Font& font, int glyph) {
@@ -209,11 +190,13 @@ LetterClass letter_class_of(const Font& font, int glyph) {
   return own.high.y() <= 1.1 * small.high.y() ? LetterClass::LowerCase : LetterClass::Capital;
 }
 
-WeightModel learn_weight(const Font& from, const Font& to, const std::string& controls) {
+namespace {
+
+std::vector<fontcore::WeightPair> pairs_of(const Font& from, const Font& to, const std::string& letters) {
   std::vector<fontcore::WeightPair> pairs;
   fontcore::Affine to_units;
   to_units.linear *= static_cast<double>(from.units_per_em) / to.units_per_em;
-  for (const std::string& letter : split(controls)) {
+  for (const std::string& letter : split(letters)) {
     const int a = control_glyph(from, letter);
     const int b = control_glyph(to, letter);
     fontcore::WeightPair pair;
@@ -225,6 +208,13 @@ WeightModel learn_weight(const Font& from, const Font& to, const std::string& co
     pair.to_advance = to_units.linear(0, 0) * to.glyphs[static_cast<std::size_t>(b)].advance;
     pairs.push_back(std::move(pair));
   }
+  return pairs;
+}
+
+}  // namespace
+
+WeightModel learn_weight(const Font& from, const Font& to, const std::string& controls) {
+  const std::vector<fontcore::WeightPair> pairs = pairs_of(from, to, controls);
   if (pairs.empty()) throw RequestError("--control: letters are expected: n,o,H,O");
   return fontcore::learn_weight(pairs, from.units_per_em);
 }
@@ -342,14 +332,6 @@ WeightModel parse_weight(const std::string& source, const std::string& name) {
   return naming_file(name, source, read_weight);
 }
 
-int ReweightResult::changed() const {
-  return static_cast<int>(std::ranges::count_if(glyphs, &ReweightedGlyph::changed));
-}
-
-int ReweightResult::refused() const {
-  return static_cast<int>(std::ranges::count_if(glyphs, [](const ReweightedGlyph& g) { return !g.refused.empty(); }));
-}
-
 namespace {
 
 constexpr double even_contrast = 0.3;  // level strokes thinner than upright ones by more than this share are contrasted
@@ -440,120 +422,70 @@ void take_prior(WeightModel& model, const WeightPrior& prior) {
   }
 }
 
-Contours reweight_glyph(const Font& font, int id, const WeightModel& model, const ReweightOptions& options,
-                        ReweightedGlyph& report) {
-  const Glyph& glyph = font.glyphs.at(static_cast<std::size_t>(id));
-  report.glyph = id;
-  report.name = glyph.name;
-  const Contours& outline = glyph.contours;
+namespace {
+
+constexpr double least_amount = -1.0;
+constexpr double most_amount = 2.0;
+
+double checked(const char* option, double amount) {
+  if (amount >= least_amount && amount <= most_amount) return amount;
+  throw RequestError(text(option, " ", amount, ": it goes from -1 to 2"));
+}
+
+// What a font has of letters that are looked at, of one class.
+std::vector<Contours> drawn_letters(const Font& font, const std::string& letters) {
+  std::vector<Contours> drawn;
+  for (const std::string& letter : split(letters)) drawn.push_back(compose(font, control_glyph(font, letter)));
+  return drawn;
+}
+
+}  // namespace
+
+fontcore::WeightAmounts amounts_in(const Font& font, const WeightModel& model, const WeightStrength& strength) {
+  fontcore::WeightAmounts amounts;
+  amounts.x = strength.x ? checked("--amount-x", *strength.x) : checked("--amount", strength.amount);
+  amounts.y = strength.y ? checked("--amount-y", *strength.y) : checked("--amount", strength.amount);
+  if (strength.stems.upright || strength.stems.level) {
+    try {
+      const fontcore::WeightAmounts found = amounts_for_stems(drawn_letters(font, "n,o"), LetterClass::LowerCase, model,
+                                                              font.units_per_em, strength.stems);
+      amounts.x = found.x;
+      amounts.y = found.y;
+    } catch (const fontcore::InvalidInput& error) {
+      throw RequestError(font.path + ": stems of n and o: " + error.what());
+    }
+  }
+  if (strength.thin) amounts.thin = checked("--amount-thin", *strength.thin);
+  if (strength.serif) amounts.serif = checked("--amount-serif", *strength.serif);
+  return amounts;
+}
+
+fontcore::WeightAmounts fit_amounts(const Font& font, const Font& to, const WeightModel& model,
+                                    const std::string& letters) {
   try {
-    if (!glyph.trouble.empty()) {
-      report.refused = glyph.trouble;
-      return outline;
-    }
-    report.area_before = report.area_after = signed_area(outline);
-    if (outline.empty() || options.amount == 0.0) return outline;
-    const auto before = find_crossings(outline);
-    const fontcore::Ink ink = measure_ink(outline, before);
-    report.crossings_before = report.crossings_after = static_cast<int>(before.size());
-    const double italic_angle = options.italic_angle * std::numbers::pi / 180.0;
-    const LetterClass letter_class = letter_class_of(font, id);
-    const double widening = widening_of(font, id, model);
-    // Whole numbers may add what the step itself did not: less of it then.
-    for (const double share : {1.0, 0.98, 0.95, 0.9, 0.8, 0.65, 0.5}) {
-      const fontcore::Weighted weighted =
-          apply_weight(outline, letter_class, model, font.units_per_em,
-                       {.amount = share * options.amount, .widening = widening, .italic_angle = italic_angle});
-      if (weighted.amount == 0.0) break;
-      const fontcore::Box old = box_of(outline);
-      const fontcore::Box box = box_of(weighted.contours);
-      // The advance stays: what is wider stands in the middle of where it stood.
-      const double dx = 0.5 * (old.low.x() + old.high.x() - box.low.x() - box.high.x());
-      Contours rounded = in_whole_numbers(shifted(weighted.contours, dx), outline, italic_angle);
-      const auto after = find_crossings(rounded);
-      if (added_crossings(before, after) > 0) continue;
-      const fontcore::Ink now = measure_ink(rounded, after);
-      if (!closed_counters(ink, now).empty()) continue;
-      if (options.amount > 0.0 ? now.area < ink.area : now.area > ink.area) continue;
-      report.changed = rounded != outline;
-      report.amount = weighted.amount;
-      report.held_segments = weighted.held_segments;
-      report.crossings_after = static_cast<int>(after.size());
-      report.area_after = signed_area(rounded);
-      return rounded;
-    }
-    report.refused = "any of the step adds a crossing, closes a counter or changes the ink against its sign";
-  } catch (const fontcore::Error& error) {
-    report.refused = error.what();
-  } catch (const FontReadError& error) {
-    report.refused = error.what();
+    return fontcore::fit_amounts(pairs_of(font, to, letters), model, font.units_per_em);
+  } catch (const fontcore::InvalidInput& error) {
+    throw RequestError(to.path + ": " + letters + ": " + error.what());
   }
-  return outline;
 }
 
-ReweightResult reweight(const Font& font, const WeightModel& model, const ReweightOptions& options) {
-  kind_of(font);
-  if (!(options.amount >= -1.0 && options.amount <= 2.0)) {
-    throw RequestError(text("--amount ", options.amount, ": it goes from -1 to 2"));
-  }
-  if (options.amount != 0.0) refuse_at_fault(font);
-  std::vector<int> selected;
-  for (const Glyph& glyph : font.glyphs) {
-    if (options.only && !std::ranges::binary_search(*options.only, glyph.id)) continue;
-    if (!glyph.contours.empty() || !glyph.trouble.empty()) selected.push_back(glyph.id);
-  }
-  std::vector<Contours> outlines(selected.size());
-  ReweightResult result;
-  result.glyphs.resize(selected.size());
-  run_jobs(static_cast<int>(selected.size()), options.jobs, [&](int i) {
-    const auto k = static_cast<std::size_t>(i);
-    outlines[k] = reweight_glyph(font, selected[k], model, options, result.glyphs[k]);
-  });
-  EditedGlyphs edited;
-  for (std::size_t k = 0; k < selected.size(); ++k) {
-    if (result.glyphs[k].changed) edited.emplace(selected[k], std::move(outlines[k]));
-  }
-  result.font = write_font(font, edited, {.is_checked = options.amount != 0.0});
-  for (ReweightedGlyph& report : result.glyphs) {
-    if (const auto emptied = result.font.emptied.find(report.glyph); emptied != result.font.emptied.end())
-      report.refused = text("comes out empty: ", emptied->second);
-    if (std::ranges::binary_search(result.font.dropped_instructions, report.glyph))
-      report.dropped.emplace_back("instructions: they were made for the points that were");
-    if (std::ranges::binary_search(result.font.dropped_hints, report.glyph))
-      report.dropped.emplace_back("hints: they were made for the points that were");
-  }
-  return result;
+bool is_nothing(const fontcore::WeightAmounts& amounts) {
+  return amounts.x == 0.0 && amounts.y == 0.0 && amounts.thin.value_or(0.0) == 0.0 &&
+         amounts.serif.value_or(0.0) == 0.0;
 }
 
-std::string reweight_json(const Font& font, const ReweightOptions& options, const ReweightResult& result) {
-  const auto names = [&](const std::vector<int>& ids) { return glyph_names(font, ids); };
-  Json json = {{"version", 1},
-               {"unitsPerEm", font.units_per_em},
-               {"amount", options.amount},
-               {"changed", result.changed()},
-               {"refused", result.refused()},
-               {"changed_tables", result.font.changed_tables},
-               {"dropped_tables", result.font.dropped_tables},
-               {"moved_composites", names(result.font.moved_composites)},
-               {"dropped_instructions", names(result.font.dropped_instructions)},
-               {"dropped_hints", names(result.font.dropped_hints)},
-               {"warnings", result.font.warnings},
-               {"glyphs", Json::array()}};
-  for (const ReweightedGlyph& report : result.glyphs) {
-    Json glyph = {{"name", report.name},
-                  {"glyph", report.glyph},
-                  {"changed", report.changed},
-                  {"amount", report.amount},
-                  {"area_before", report.area_before},
-                  {"area_after", report.area_after},
-                  {"crossings_before", report.crossings_before},
-                  {"crossings_after", report.crossings_after},
-                  {"held_segments", report.held_segments},
-                  {"dropped", report.dropped}};
-    if (!report.refused.empty()) glyph["refused"] = report.refused;
-    json["glyphs"].push_back(std::move(glyph));
-  }
-  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+fontcore::Weighted apply_weight(const Font& font, int glyph, const Contours& contours, const WeightModel& model,
+                                const fontcore::WeightAmounts& amounts, const GlyphWeight& options) {
+  fontcore::Weighted weighted = apply_weight(contours, letter_class_of(font, glyph), model, font.units_per_em,
+                                             {.amount = options.share,
+                                              .amounts = amounts,
+                                              .widening = widening_of(font, glyph, model),
+                                              .italic_angle = options.italic_angle});
+  if (weighted.amount == 0.0) return weighted;
+  const fontcore::Box old = box_of(contours);
+  const fontcore::Box box = box_of(weighted.contours);
+  weighted.contours = shifted(weighted.contours, 0.5 * (old.low.x() + old.high.x() - box.low.x() - box.high.x()));
+  return weighted;
 }
 
 }  // namespace glyphs

@@ -13,13 +13,14 @@
 #include "glyphs/family.h"
 #include "glyphs/font_file.h"
 #include "glyphs/inspect.h"
+#include "glyphs/json_reader.h"
 #include "glyphs/proof.h"
 #include "glyphs/recipe.h"
 #include "glyphs/restyle.h"
+#include "glyphs/reweight.h"
 #include "glyphs/safe_file.h"
 #include "glyphs/simplify.h"
 #include "glyphs/ufo.h"
-#include "glyphs/weight.h"
 
 namespace commands {
 
@@ -665,27 +666,92 @@ Outcome learn_weight(const Request& request, const LearnWeightRequest& learn) {
   return {out + "written: " + learn.output + "\n", "", 0};
 }
 
+namespace {
+
+// What every glyph takes of the step.
+std::string amounts_text(const fontcore::WeightAmounts& amounts) {
+  std::string out = amounts.x == amounts.y ? rounded(amounts.x, 3)
+                                           : rounded(amounts.x, 3) + " across, " + rounded(amounts.y, 3) + " upwards";
+  if (amounts.thin) out += ", thin strokes " + rounded(*amounts.thin, 3);
+  if (amounts.serif) out += ", serifs " + rounded(*amounts.serif, 3);
+  return out;
+}
+
+std::string advances_text(const Font& font, const glyphs::ReweightOptions& options, const glyphs::Spacing& spacing) {
+  const std::size_t changed = spacing.advances.size();
+  if (changed == 0) return text("advances: all ", font.glyphs.size(), " as they were\n");
+  std::string out =
+      text("advances by ", name_of(options.advance), ": ", changed, " of ", font.glyphs.size(), " changed");
+  if (options.advance == glyphs::AdvancePolicy::Scale) out += ", times " + rounded(spacing.ratio, 4);
+  out += "\n";
+  if (!spacing.component_shifts.empty())
+    out += text("components moved in ", count(spacing.component_shifts.size(), "composite"), "\n");
+  if (!spacing.kept_composites.empty())
+    out += "advances kept, since parts are placed by points: " + few(glyph_names(font, spacing.kept_composites)) + "\n";
+  return out;
+}
+
+std::string apply_summary(const Request& request, const ApplyWeightRequest& apply, const Font& font,
+                          const glyphs::ReweightOptions& options, const glyphs::ReweightResult& result) {
+  std::vector<std::string> refused;
+  std::vector<std::string> reduced;
+  int segments_before = 0;
+  int segments_after = 0;
+  for (const glyphs::ReweightedGlyph& glyph : result.glyphs) {
+    if (!glyph.refused.empty()) refused.push_back(glyph.name + " (" + glyph.refused + ")");
+    if (glyph.changed && glyph.share < 1.0) reduced.push_back(glyph.name + " (" + rounded(glyph.share, 3) + ")");
+    segments_before += glyph.segments_before;
+    segments_after += glyph.segments_after;
+  }
+  std::string out = text(request.font, ": ", result.changed(), " of ", count(result.glyphs.size(), "selected glyph"),
+                         " in another weight: ", amounts_text(result.amounts), " of the step\n");
+  if (options.emission == glyphs::Emission::Compact)
+    out += text("segments: ", segments_after, " for ", segments_before, "\n");
+  out += advances_text(font, options, result.spacing);
+  if (!refused.empty()) out += "left as they were: " + few(refused) + "\n";
+  if (!reduced.empty()) out += "by a smaller share than was asked: " + few(reduced) + "\n";
+  out += what_changed(font, result.font);
+  if (!result.font.dropped_instructions.empty())
+    out += text("instructions dropped from ", count(result.font.dropped_instructions.size(), "glyph"), "\n");
+  if (!result.font.dropped_hints.empty())
+    out += text("hints dropped from ", count(result.font.dropped_hints.size(), "glyph"), "\n");
+  for (const std::string& path : {apply.report, apply.output}) {
+    if (!path.empty()) out += "written: " + path + "\n";
+  }
+  return out;
+}
+
+}  // namespace
+
 Outcome apply_weight(const Request& request, const ApplyWeightRequest& apply) {
   glyphs::file_kind(apply.output);  // a wrong ending is refused before anything is read
-  check_outputs({apply.model}, {apply.output, apply.report});
+  check_outputs({apply.model, apply.fit_to}, {apply.output, apply.report});
   check_outputs({request.font}, {apply.report});
-  glyphs::ReweightOptions options{
-      .amount = apply.amount, .italic_angle = apply.italic_angle, .only = {}, .jobs = request.jobs};
-  const glyphs::Bytes bytes = glyphs::read_file(apply.model);
-  const fontcore::WeightModel model = glyphs::parse_weight({bytes.begin(), bytes.end()}, apply.model);
+  glyphs::ReweightOptions options{.strength = apply.strength,
+                                  .advance = glyphs::advance_policy(apply.advance),
+                                  .emission = chosen<glyphs::Emission>("--emit", apply.emission,
+                                                                       {{"structure", glyphs::Emission::Structure},
+                                                                        {"compact", glyphs::Emission::Compact}}),
+                                  .tolerance = apply.tolerance,
+                                  .italic_angle = apply.italic_angle,
+                                  .only = {},
+                                  .jobs = request.jobs};
+  if (!(options.tolerance > 0.0) || !std::isfinite(options.tolerance))
+    throw RequestError(text("--tolerance ", apply.tolerance, ": a distance above 0 is expected"));
+  const fontcore::WeightModel model = glyphs::parse_weight(glyphs::read_text(apply.model), apply.model);
   const Font font = load(request);
   glyphs::require_kind(font, apply.output);
   if (request.text || !request.glyphs.empty()) options.only = selected(request, font);
-  glyphs::ReweightResult result = naming(request.font, [&] { return glyphs::reweight(font, model, options); });
-  std::vector<std::string> refused;
-  std::vector<std::string> reduced;
-  for (const glyphs::ReweightedGlyph& glyph : result.glyphs) {
-    if (!glyph.refused.empty()) refused.push_back(glyph.name + " (" + glyph.refused + ")");
-    if (glyph.changed && std::abs(glyph.amount) < std::abs(apply.amount)) {
-      reduced.push_back(glyph.name + " (" + rounded(glyph.amount, 3) + ")");
-    }
+  if (!apply.fit_to.empty()) {
+    const fontcore::WeightAmounts fitted = fit_amounts(font, glyphs::load_font(apply.fit_to), model);
+    options.strength.x = fitted.x;
+    options.strength.y = fitted.y;
   }
-  if (apply.strict && (!refused.empty() || !result.font.emptied.empty())) {
+  glyphs::ReweightResult result = naming(request.font, [&] { return glyphs::reweight(font, model, options); });
+  if (apply.strict && (result.refused() > 0 || !result.font.emptied.empty())) {
+    std::vector<std::string> refused;
+    for (const glyphs::ReweightedGlyph& glyph : result.glyphs)
+      if (!glyph.refused.empty()) refused.push_back(glyph.name + " (" + glyph.refused + ")");
     return {"", text(request.font, ": ", count(refused.size(), "glyph"), " refused, nothing written: ", few(refused)),
             1};
   }
@@ -696,18 +762,7 @@ Outcome apply_weight(const Request& request, const ApplyWeightRequest& apply) {
   files.push_back({apply.output, std::move(result.font.data), std::move(result.font.folder)});
   glyphs::write_files(files);
   if (request.json) return {report, "", 0};
-  if (request.quiet) return {};
-  std::string out = text(request.font, ": ", result.changed(), " of ", count(result.glyphs.size(), "selected glyph"),
-                         " in another weight, advances kept\n");
-  if (!refused.empty()) out += "left as they were: " + few(refused) + "\n";
-  if (!reduced.empty()) out += "by less than was asked: " + few(reduced) + "\n";
-  out += what_changed(font, result.font);
-  if (!result.font.dropped_instructions.empty())
-    out += text("instructions dropped from ", count(result.font.dropped_instructions.size(), "glyph"), "\n");
-  if (!result.font.dropped_hints.empty())
-    out += text("hints dropped from ", count(result.font.dropped_hints.size(), "glyph"), "\n");
-  if (!apply.report.empty()) out += "written: " + apply.report + "\n";
-  return {out + "written: " + apply.output + "\n", "", 0};
+  return {request.quiet ? "" : apply_summary(request, apply, font, options, result), "", 0};
 }
 
 Outcome convert(const Request& request, const ConvertRequest& convert) {

@@ -7,6 +7,7 @@
 
 #include "glyphs/jobs.h"
 #include "glyphs/shaping.h"
+#include "glyphs/weight.h"
 
 /// What each subcommand does, over the library alone: a request as plain values in, the text for standard output back.
 /// Files are written whole or not at all, several of them together or none.
@@ -124,7 +125,11 @@ struct ApplyWeightRequest {
   std::string model;
   std::string output;
   std::string report;  ///< empty: none
-  double amount = 1.0;
+  glyphs::WeightStrength strength;
+  std::string fit_to;  ///< a font in whose weight n and o are drawn, by which x and y are told; empty: none
+  std::string advance = "keep";
+  std::string emission = "structure";
+  double tolerance = 0.5;     ///< of compact emission, font units
   double italic_angle = 0.0;  ///< degrees leaning right
   bool strict = false;
 };
