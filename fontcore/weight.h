@@ -161,4 +161,16 @@ WeightAmounts amounts_for_stems(std::span<const std::vector<BezierContour>> lett
 /// Throws  InvalidInput if no pair's contours pair up, or if units_per_em is not positive.
 WeightAmounts fit_amounts(std::span<const WeightPair> pairs, const WeightModel& model, double units_per_em);
 
+/// A step learnt on one family as another takes it, whose letters are given: `to` of those that are drawn in one weight
+/// only is empty.
+///
+/// Strokes grow in proportion to the family's own, counters and zones are its own. Letters drawn in both weights, an n
+/// and an o say, scale the step: upright and level strokes each by their least error, widths by theirs; the amount 1 of
+/// the result is the step that they show. How much wider a class gets that none of them shows is what the model says to
+/// a third and what families usually do to the rest: widths are a decision of the family, they do not follow the stems.
+/// The controls of the result are the letters drawn in both.
+///
+/// Throws  InvalidInput if no letter has strokes, or if units_per_em is not positive.
+WeightModel carry_weight(const WeightModel& model, std::span<const WeightPair> letters, double units_per_em);
+
 }  // namespace fontcore

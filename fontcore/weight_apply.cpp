@@ -20,7 +20,6 @@ namespace {
 using Zone = WeightModel::Zone;
 
 // Lengths below are in thousandths of the em.
-constexpr double near_zone = 7.0;  // a height so near a zone is in it
 constexpr double counter_weight = 0.03;
 constexpr double room_weight = 0.05;
 constexpr double zone_weight = 20.0;
@@ -35,18 +34,6 @@ constexpr double handle_weight = 0.02;
 constexpr double beyond_allowed = 0.2;  // of an extremum beyond the ends of its segment
 constexpr double longest_mitre = 6.0;   // of the offset: further a tip does not go
 constexpr double lone_weight = 1e-9;
-
-double shift_of(const std::vector<Zone>& zones, double y) {
-  if (zones.empty()) return 0.0;
-  const Zone& nearest = *std::ranges::min_element(zones, {}, [&](const Zone& z) { return std::abs(z.height - y); });
-  if (std::abs(nearest.height - y) < near_zone || y <= zones.front().height || y >= zones.back().height) {
-    return nearest.shift;
-  }
-  std::size_t i = 0;
-  while (zones[i + 1].height < y) ++i;
-  const double t = (y - zones[i].height) / (zones[i + 1].height - zones[i].height);
-  return (1.0 - t) * zones[i].shift + t * zones[i + 1].shift;
-}
 
 bool is_near(const std::vector<Zone>& zones, double y) {
   return std::ranges::any_of(zones, [&](const Zone& z) { return std::abs(z.height - y) < near_zone; });

@@ -107,6 +107,19 @@ double counter_growth_at(const WeightModel& model, int letters_index, double wid
   return counter_law(letters, width) + (1.0 - b) * t[j] + b * t[j + 1];
 }
 
+double shift_of(const std::vector<WeightModel::Zone>& zones, double y) {
+  if (zones.empty()) return 0.0;
+  const WeightModel::Zone& nearest =
+      *std::ranges::min_element(zones, {}, [&](const WeightModel::Zone& z) { return std::abs(z.height - y); });
+  if (std::abs(nearest.height - y) < near_zone || y <= zones.front().height || y >= zones.back().height) {
+    return nearest.shift;
+  }
+  std::size_t i = 0;
+  while (zones[i + 1].height < y) ++i;
+  const double t = (y - zones[i].height) / (zones[i + 1].height - zones[i].height);
+  return (1.0 - t) * zones[i].shift + t * zones[i + 1].shift;
+}
+
 StrokePlace place_of(const StrokeEdge& edge, int letters) {
   return {std::max(edge.ink.exists() ? edge.thickness() : no_stroke, thinnest), edge.direction, letters, !edge.is_line};
 }

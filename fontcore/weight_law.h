@@ -19,6 +19,7 @@ using Stroke = WeightModel::Stroke;
 constexpr double curve_step = 11.0;  // of the edges that a shape is cut into
 constexpr double line_step = 22.0;
 constexpr double usual_stem = 100.0;  // of a shape without upright strokes
+constexpr double near_zone = 7.0;     // a height so near a zone is in it
 constexpr double crowding = 0.15;     // bars lose this share of their growth as the room beside them goes to 0
 
 inline double squared(double x) { return x * x; }
@@ -57,6 +58,9 @@ struct Growth {
 /// The laws with what the control letters say beyond them. Counters by how many of their sides are round.
 Growth growth_at(const WeightModel& model, const StrokePlace& place);
 double counter_growth_at(const WeightModel& model, int letters_index, double width, int round_sides);
+
+/// By how much a height moves: as its zone does, between zones in proportion, beyond them as the last.
+double shift_of(const std::vector<WeightModel::Zone>& zones, double height);
 
 StrokePlace place_of(const StrokeEdge& edge, int letters);
 /// An edge with a stroke behind it.

@@ -357,6 +357,53 @@ TEST_CASE("the amounts a letter was made with are found again", "[weight]") {
   CHECK_THROWS_AS(fit_amounts({}, model, em), InvalidInput);
 }
 
+TEST_CASE("a family half as large takes half the step", "[weight]") {
+  std::vector<WeightPair> half = controls();
+  for (WeightPair& pair : half) {
+    pair.from = mapped(pair.from, scaled(0.5));
+    pair.to = mapped(pair.to, scaled(0.5));
+  }
+  const WeightModel carried = carry_weight(learn_weight(controls(), em), half, em);
+  const Contours e = letter_e(regular.stem, regular.bar, 420, 700);
+  const Contours there = at_amount(e, 1.0).contours;
+  const Contours made = apply_weight(mapped(e, scaled(0.5)), LetterClass::Capital, carried, em).contours;
+  const Points apart = 2.0 * made[0].points() - there[0].points();
+  CHECK(apart.col(1).cwiseAbs().maxCoeff() < 0.5);
+  const auto stem = [](const Contours& letter) { return letter[0].points()(3, 0) - letter[0].points()(0, 0); };
+  CHECK(2.0 * stem(made) == Approx(stem(there)).margin(0.5));
+  // The ends of arms are held by no law, only weakly by lengths in the em.
+  CHECK(apart.col(0).cwiseAbs().maxCoeff() < 10.0);
+}
+
+TEST_CASE("a carried step is as strong as the other family's letters show", "[weight]") {
+  // Another family: thinner, lower, with its own n and o in both weights and H and O in one.
+  const Weight thin{70, 56, 340};
+  const Weight black{135, 80, 330};
+  const auto o = [](const Weight& w) { return letter_o(w.stem, w.bar, 2.0 * w.stem + w.counter + 60.0, 480, 10.0); };
+  const std::vector<WeightPair> letters = {
+      pair_of("n", LetterClass::LowerCase, letter_h(thin.stem, thin.bar, thin.counter, 480),
+              letter_h(black.stem, black.bar, black.counter, 480)),
+      pair_of("o", LetterClass::LowerCase, o(thin), o(black)),
+      pair_of("H", LetterClass::Capital, letter_h(thin.stem, thin.bar, thin.counter, 640), {}),
+      pair_of("O", LetterClass::Capital, letter_o(thin.stem, thin.bar, 600, 640, 10.0), {})};
+  const WeightModel carried = carry_weight(learn_weight(controls(), em), letters, em);
+  REQUIRE(carried.controls.size() == 2);
+  for (const WeightModel::Control& control : carried.controls) {
+    CHECK(control.thickness_error < 3.0);
+    CHECK(std::abs(control.width_error) < 8.0);
+  }
+  const WeightAmounts fitted = fit_amounts(std::span(letters).first(2), carried, em);
+  CHECK(fitted.x == Approx(1.0).margin(0.02));
+  CHECK(fitted.y == Approx(1.0).margin(0.02));
+  // A capital it never saw in bold: stems in proportion, height kept as the model keeps it.
+  const Contours e = letter_e(thin.stem, thin.bar, 400, 640);
+  const Contours made = apply_weight(e, LetterClass::Capital, carried, em).contours;
+  CHECK(StrokeEdges(made, 11.0, 22.0).stem(100.0) == Approx(black.stem).margin(4.0));
+  CHECK(tight_box(made[0]).high.y() == Approx(640.0).margin(1.0));
+  CHECK_THROWS_AS(carry_weight(carried, {}, em), InvalidInput);
+  CHECK_THROWS_AS(carry_weight(carried, letters, 0.0), InvalidInput);
+}
+
 TEST_CASE("bolder never takes ink away, lighter never adds any", "[weight]") {
   const std::vector<Contours> letters = {letter_e(90, 76, 420, 700), letter_o(90, 76, 450, 700, 12),
                                          letter_h(90, 76, 300, 700), mapped(shapes::letter_a(), scaled(1000.0 / 2048))};
