@@ -146,6 +146,7 @@ Step read_weight(ObjectReader& reader) {
     if (!(units > 0.0)) reader.fail(key, "must be positive");
     return units;
   };
+  step.carries = reader.take_flag("carry", false);
   WeightStrength& strength = step.strength;
   if (reader.has("amount")) strength.amount = share("amount");
   if (reader.has("amount_x")) strength.x = share("amount_x");

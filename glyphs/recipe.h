@@ -100,6 +100,7 @@ struct WeightStep {
   std::optional<int> contour;                          ///< none
   std::string model_path;                              ///< as in CharacterStep
   std::shared_ptr<const fontcore::WeightModel> model;  ///< none until `load_recipe` has read it
+  bool carries = false;                                ///< the font is of another family than the model: `carry_weight`
   WeightStrength strength;
   /// What the strength means in the font at hand; none: `amounts_in` tells.
   std::optional<fontcore::WeightAmounts> amounts;

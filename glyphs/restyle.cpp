@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <iterator>
 #include <map>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <utility>
@@ -82,6 +83,9 @@ Recipe with_amounts(const Font& font, Recipe recipe) {
     auto* const weight = std::get_if<WeightStep>(&step);
     if (weight == nullptr || weight->amounts) continue;
     if (!weight->model) throw RequestError(weight->model_path + ": the model of a weight step is not loaded");
+    if (weight->carries) {
+      weight->model = std::make_shared<const fontcore::WeightModel>(carry_weight(font, *weight->model));
+    }
     WeightStrength strength = weight->strength;
     if (strength.stems.upright) *strength.stems.upright *= unit;
     if (strength.stems.level) *strength.stems.level *= unit;

@@ -112,9 +112,9 @@ struct RestyleResult {
   int refused() const;
 };
 
-/// The recipe with the amounts of its weight steps told for the font.
+/// The recipe with the models and amounts of its weight steps told for the font.
 ///
-/// Throws  RequestError as `amounts_in`, or if a step's model is not loaded.
+/// Throws  RequestError as `carry_weight` and `amounts_in`, or if a step's model is not loaded.
 Recipe with_amounts(const Font& font, Recipe recipe);
 
 /// The glyphs that `restyle` works on, sorted.

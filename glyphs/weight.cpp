@@ -460,12 +460,21 @@ fontcore::WeightAmounts amounts_in(const Font& font, const WeightModel& model, c
   return amounts;
 }
 
-fontcore::WeightAmounts fit_amounts(const Font& font, const Font& to, const WeightModel& model,
-                                    const std::string& letters) {
+WeightModel carry_weight(const Font& font, const WeightModel& model, const Font* drawn) {
+  constexpr const char* drawn_letters = "n,o";
+  constexpr const char* others = "H,O";
+  std::vector<fontcore::WeightPair> letters = pairs_of(font, drawn != nullptr ? *drawn : font, drawn_letters);
+  for (fontcore::WeightPair& letter : pairs_of(font, font, others)) {
+    letter.to.clear();
+    letters.push_back(std::move(letter));
+  }
+  if (drawn == nullptr) {
+    for (fontcore::WeightPair& letter : letters) letter.to.clear();
+  }
   try {
-    return fontcore::fit_amounts(pairs_of(font, to, letters), model, font.units_per_em);
+    return fontcore::carry_weight(model, letters, font.units_per_em);
   } catch (const fontcore::InvalidInput& error) {
-    throw RequestError(to.path + ": " + letters + ": " + error.what());
+    throw RequestError(font.path + ": n, o, H and O: " + error.what());
   }
 }
 

@@ -74,12 +74,12 @@ struct WeightStrength {
 fontcore::WeightAmounts amounts_in(const Font& font, const fontcore::WeightModel& model,
                                    const WeightStrength& strength);
 
-/// The amounts by which letters of a font come nearest to the same letters of another, as thick as they are drawn
-/// there. Letters as for `learn_weight`.
+/// A model learnt on one family as another takes it, the font's: with heights and counters of its n, o, H and O, and
+/// strokes in proportion to theirs. With a font that has its n and o in the weight wanted, `drawn`, the step is the one
+/// that they show.
 ///
-/// Throws  RequestError as `learn_weight`, and if no letter's contours pair up.
-fontcore::WeightAmounts fit_amounts(const Font& font, const Font& to, const fontcore::WeightModel& model,
-                                    const std::string& letters = "n,o");
+/// Throws  RequestError naming one of these letters that a font lacks, or that has no outline.
+fontcore::WeightModel carry_weight(const Font& font, const fontcore::WeightModel& model, const Font* drawn = nullptr);
 
 /// True if nothing is taken of a step.
 bool is_nothing(const fontcore::WeightAmounts& amounts);

@@ -269,14 +269,12 @@ constexpr std::array<Command, 12> table{{
        app.add_option("--amount-y", strength.y, "of level strokes and heights, instead of the amount");
        app.add_option("--amount-thin", strength.thin, "of thin strokes of a contrasted face");
        app.add_option("--amount-serif", strength.serif, "of serifs");
-       CLI::Option* const stem_x =
-           app.add_option("--stem-x", strength.stems.upright, "how thick the stem of n is to be, font units");
-       CLI::Option* const stem_y =
-           app.add_option("--stem-y", strength.stems.level, "how thick the top and bottom of o are to be, font units");
+       app.add_option("--stem-x", strength.stems.upright, "how thick the stem of n is to be, font units");
+       app.add_option("--stem-y", strength.stems.level, "how thick the top and bottom of o are to be, font units");
+       app.add_flag("--carry", options.apply_weight.carries,
+                    "FONT is of another family than the model: heights and counters are its own");
        app.add_option("--fit-amount", options.apply_weight.fit_to,
-                      "a font with n and o in the weight wanted: --amount-x and --amount-y are fitted to it")
-           ->excludes(stem_x)
-           ->excludes(stem_y);
+                      "a font of FONT's family with n and o in the weight wanted: carries, and fits the step to them");
        app.add_option("--italic-angle", options.apply_weight.italic_angle,
                       "what vertical means, degrees leaning right");
        app.add_option("--advance", options.apply_weight.advance,

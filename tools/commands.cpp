@@ -704,7 +704,11 @@ std::string apply_summary(const Request& request, const ApplyWeightRequest& appl
     segments_after += glyph.segments_after;
   }
   std::string out = text(request.font, ": ", result.changed(), " of ", count(result.glyphs.size(), "selected glyph"),
-                         " in another weight: ", amounts_text(result.amounts), " of the step\n");
+                         " in another weight: ", amounts_text(result.amounts), " of the step",
+                         !apply.fit_to.empty() ? " that n and o of " + apply.fit_to + " show"
+                         : apply.carries       ? " in proportion to its own letters"
+                                               : "",
+                         "\n");
   if (options.emission == glyphs::Emission::Compact)
     out += text("segments: ", segments_after, " for ", segments_before, "\n");
   out += advances_text(font, options, result.spacing);
@@ -738,14 +742,15 @@ Outcome apply_weight(const Request& request, const ApplyWeightRequest& apply) {
                                   .jobs = request.jobs};
   if (!(options.tolerance > 0.0) || !std::isfinite(options.tolerance))
     throw RequestError(text("--tolerance ", apply.tolerance, ": a distance above 0 is expected"));
-  const fontcore::WeightModel model = glyphs::parse_weight(glyphs::read_text(apply.model), apply.model);
+  fontcore::WeightModel model = glyphs::parse_weight(glyphs::read_text(apply.model), apply.model);
   const Font font = load(request);
   glyphs::require_kind(font, apply.output);
   if (request.text || !request.glyphs.empty()) options.only = selected(request, font);
   if (!apply.fit_to.empty()) {
-    const fontcore::WeightAmounts fitted = fit_amounts(font, glyphs::load_font(apply.fit_to), model);
-    options.strength.x = fitted.x;
-    options.strength.y = fitted.y;
+    const Font drawn = glyphs::load_font(apply.fit_to);
+    model = carry_weight(font, model, &drawn);
+  } else if (apply.carries) {
+    model = carry_weight(font, model);
   }
   glyphs::ReweightResult result = naming(request.font, [&] { return glyphs::reweight(font, model, options); });
   if (apply.strict && (result.refused() > 0 || !result.font.emptied.empty())) {

@@ -126,7 +126,8 @@ struct ApplyWeightRequest {
   std::string output;
   std::string report;  ///< empty: none
   glyphs::WeightStrength strength;
-  std::string fit_to;  ///< a font in whose weight n and o are drawn, by which x and y are told; empty: none
+  bool carries = false;  ///< FONT is of another family than the model
+  std::string fit_to;    ///< a font of FONT's family with n and o in the weight wanted; empty: none
   std::string advance = "keep";
   std::string emission = "structure";
   double tolerance = 0.5;     ///< of compact emission, font units

@@ -756,12 +756,12 @@ TEST_CASE("weight is learnt from a pair of fonts and applied to one", "[cli]") {
   CHECK(glyph.at("steps").at(0).at("op") == "weight");
   CHECK(glyph.at("notes").at(0).get<std::string>().starts_with("weight adds "));
 
-  // To a font that has the weight, the amounts are those of the step.
+  // Carried to where it was learnt, the step is what it was.
   const Run fitted = glyphwave({"weight", "apply", serif, model, "-o", made, "--glyphs", "a", "--fit-amount", bold,
                                 "--advance", "learnt", "--report", folder / "r.json"});
   CHECK(fitted.status == 0);
   CHECK(fitted.out.find("advances by learnt") != std::string::npos);
-  CHECK(json::parse(contents(folder / "r.json")).at("amounts").at("x").get<double>() == Approx(1.0).margin(0.1));
+  CHECK(json::parse(contents(folder / "r.json")).at("amounts").at("x") == 1.0);
 
   check_refusal(glyphwave({"weight", "learn", serif, bold, "--control", "n", "--prior", "p.json", "-o", "x.json"}),
                 {"p.json"});
