@@ -186,6 +186,9 @@ ReweightResult reweight(const Font& font, const WeightModel& model, const Reweig
   writing.component_shifts = result.spacing.component_shifts;
   writing.anchors = result.spacing.anchors;
   result.font = write_font(font, result.spacing.outlines, writing);
+  std::vector<int> drawn_otherwise;
+  for (const auto& [id, contours] : result.spacing.outlines) drawn_otherwise.push_back(id);
+  result.layout = layout_use(font, dependents(font, drawn_otherwise));
   result.spacing.outlines.clear();
   for (ReweightedGlyph& report : result.glyphs) {
     if (const auto advance = result.spacing.advances.find(report.glyph); advance != result.spacing.advances.end())
@@ -234,6 +237,8 @@ std::string reweight_json(const Font& font, const ReweightOptions& options, cons
                {"moved_composites", names(result.font.moved_composites)},
                {"moved_components", names(ids_of(spacing.component_shifts))},
                {"moved_anchors", names(ids_of(spacing.anchors))},
+               {"kept_anchors", names(result.layout.anchored)},
+               {"kerning_pairs", result.layout.kerning_pairs},
                {"dropped_instructions", names(result.font.dropped_instructions)},
                {"dropped_hints", names(result.font.dropped_hints)},
                {"warnings", result.font.warnings},

@@ -6,6 +6,7 @@
 
 #include "glyphs/font_file.h"
 #include "glyphs/jobs.h"
+#include "glyphs/layout_use.h"
 #include "glyphs/recipe.h"
 #include "glyphs/spacing.h"
 #include "glyphs/weight.h"
@@ -48,6 +49,7 @@ struct ReweightResult {
   fontcore::WeightAmounts amounts;      ///< that were asked of every glyph
   std::vector<ReweightedGlyph> glyphs;  ///< by id
   Spacing spacing;                      ///< without its outlines
+  LayoutUse layout;                     ///< of what is drawn otherwise, and is kept: anchors in GPOS, kerning
   int changed() const;
   int refused() const;
 };

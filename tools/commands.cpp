@@ -712,6 +712,12 @@ std::string apply_summary(const Request& request, const ApplyWeightRequest& appl
   if (options.emission == glyphs::Emission::Compact)
     out += text("segments: ", segments_after, " for ", segments_before, "\n");
   out += advances_text(font, options, result.spacing);
+  if (!result.layout.anchored.empty()) {
+    out += text("anchors of GPOS kept where they were, though the outline is another: ",
+                few(glyph_names(font, result.layout.anchored)), "\n");
+  }
+  if (result.layout.kerning_pairs > 0)
+    out += text("kerning kept: ", result.layout.kerning_pairs, " pairs have a glyph that is drawn otherwise\n");
   if (!refused.empty()) out += "left as they were: " + few(refused) + "\n";
   if (!reduced.empty()) out += "by a smaller share than was asked: " + few(reduced) + "\n";
   out += what_changed(font, result.font);
