@@ -285,6 +285,10 @@ constexpr std::array<Command, 12> table{{
        app.add_option("--tolerance", options.apply_weight.tolerance,
                       "deviation allowed to compact emission, font units; 0.5 unless given");
        app.add_option("--report", options.apply_weight.report, "what became of every glyph, JSON");
+       app.add_option("--proof", options.apply_weight.proof,
+                      "changed glyphs before and after, .png, .pdf or .svg; with --against beside the drawn ones");
+       app.add_option("--against", options.apply_weight.against,
+                      "a font where the weight is drawn: how far each glyph is from it, worst first");
        app.add_flag("--strict", options.apply_weight.strict, "any refused glyph: exit status 1 and no output");
      },
      [](const Options& options) {

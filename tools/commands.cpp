@@ -21,6 +21,7 @@
 #include "glyphs/safe_file.h"
 #include "glyphs/simplify.h"
 #include "glyphs/ufo.h"
+#include "glyphs/weight_proof.h"
 
 namespace commands {
 
@@ -677,6 +678,26 @@ std::string amounts_text(const fontcore::WeightAmounts& amounts) {
   return out;
 }
 
+std::string errors_text(const Font& made, const std::string& drawn,
+                        const std::vector<glyphs::ComparedGlyph>& compared) {
+  if (compared.empty()) return "none of them is drawn in " + drawn + "\n";
+  double sum = 0.0;
+  double area = 0.0;
+  std::vector<std::string> worst;
+  for (const glyphs::ComparedGlyph& one : compared) {
+    sum += one.error.difference;
+    area += std::abs(one.error.area);
+    constexpr std::size_t most = 5;
+    if (worst.size() < most)
+      worst.push_back(made.glyphs[static_cast<std::size_t>(one.glyph)].name + " " +
+                      rounded(100.0 * one.error.difference, 3) + " %");
+  }
+  const auto number = static_cast<double>(compared.size());
+  return text("against ", drawn, ": ", count(compared.size(), "glyph"), " differ by ", rounded(100.0 * sum / number, 3),
+              " % of their ink in the mean, in area by ", rounded(100.0 * area / number, 3),
+              " %; worst: ", join(worst, ", "), "\n");
+}
+
 std::string advances_text(const Font& font, const glyphs::ReweightOptions& options, const glyphs::Spacing& spacing) {
   const std::size_t changed = spacing.advances.size();
   if (changed == 0) return text("advances: all ", font.glyphs.size(), " as they were\n");
@@ -692,7 +713,8 @@ std::string advances_text(const Font& font, const glyphs::ReweightOptions& optio
 }
 
 std::string apply_summary(const Request& request, const ApplyWeightRequest& apply, const Font& font,
-                          const glyphs::ReweightOptions& options, const glyphs::ReweightResult& result) {
+                          const glyphs::ReweightOptions& options, const glyphs::ReweightResult& result,
+                          const std::string& errors) {
   std::vector<std::string> refused;
   std::vector<std::string> reduced;
   int segments_before = 0;
@@ -725,7 +747,8 @@ std::string apply_summary(const Request& request, const ApplyWeightRequest& appl
     out += text("instructions dropped from ", count(result.font.dropped_instructions.size(), "glyph"), "\n");
   if (!result.font.dropped_hints.empty())
     out += text("hints dropped from ", count(result.font.dropped_hints.size(), "glyph"), "\n");
-  for (const std::string& path : {apply.report, apply.output}) {
+  out += errors;
+  for (const std::string& path : {apply.report, apply.proof, apply.output}) {
     if (!path.empty()) out += "written: " + path + "\n";
   }
   return out;
@@ -735,8 +758,9 @@ std::string apply_summary(const Request& request, const ApplyWeightRequest& appl
 
 Outcome apply_weight(const Request& request, const ApplyWeightRequest& apply) {
   glyphs::file_kind(apply.output);  // a wrong ending is refused before anything is read
-  check_outputs({apply.model, apply.fit_to}, {apply.output, apply.report});
-  check_outputs({request.font}, {apply.report});
+  check_outputs({apply.model, apply.fit_to, apply.against}, {apply.output, apply.report, apply.proof});
+  check_outputs({request.font}, {apply.report, apply.proof});
+  if (!apply.proof.empty()) glyphs::proof_format(apply.proof);
   glyphs::ReweightOptions options{.strength = apply.strength,
                                   .advance = glyphs::advance_policy(apply.advance),
                                   .emission = chosen<glyphs::Emission>("--emit", apply.emission,
@@ -769,11 +793,31 @@ Outcome apply_weight(const Request& request, const ApplyWeightRequest& apply) {
   const bool has_report = request.json || !apply.report.empty();
   const std::string report = has_report ? glyphs::reweight_json(font, options, result) : std::string();
   std::vector<glyphs::PendingFile> files;
+  std::string errors;
+  if (!apply.proof.empty() || !apply.against.empty()) {
+    std::vector<int> changed;
+    for (const glyphs::ReweightedGlyph& glyph : result.glyphs)
+      if (glyph.changed) changed.push_back(glyph.glyph);
+    const Font made = result.font.folder ? glyphs::load_ufo(apply.output, *result.font.folder)
+                                         : glyphs::load_font_bytes(apply.output, result.font.data);
+    glyphs::Bytes picture;
+    if (apply.against.empty()) {
+      if (changed.empty()) throw RequestError("--proof: no glyph has changed");
+      picture = glyphs::draw_glyph_proof(made, font, changed, glyphs::proof_format(apply.proof));
+    } else {
+      const Font drawn = glyphs::load_font(apply.against);
+      const std::vector<glyphs::ComparedGlyph> compared = compare_weights(made, drawn, changed);
+      errors = errors_text(made, apply.against, compared);
+      if (!apply.proof.empty())
+        picture = draw_weight_proof(font, made, drawn, compared, glyphs::proof_format(apply.proof));
+    }
+    if (!apply.proof.empty()) files.push_back({apply.proof, std::move(picture)});
+  }
   if (!apply.report.empty()) files.push_back({apply.report, {report.begin(), report.end()}});
   files.push_back({apply.output, std::move(result.font.data), std::move(result.font.folder)});
   glyphs::write_files(files);
   if (request.json) return {report, "", 0};
-  return {request.quiet ? "" : apply_summary(request, apply, font, options, result), "", 0};
+  return {request.quiet ? "" : apply_summary(request, apply, font, options, result, errors), "", 0};
 }
 
 Outcome convert(const Request& request, const ConvertRequest& convert) {

@@ -132,6 +132,8 @@ struct ApplyWeightRequest {
   std::string emission = "structure";
   double tolerance = 0.5;     ///< of compact emission, font units
   double italic_angle = 0.0;  ///< degrees leaning right
+  std::string proof;          ///< a picture of what changed, before and after; empty: none
+  std::string against;        ///< a font where the weight is drawn: its letters beside those made, worst first
   bool strict = false;
 };
 Outcome apply_weight(const Request& request, const ApplyWeightRequest& apply);

@@ -756,6 +756,12 @@ TEST_CASE("weight is learnt from a pair of fonts and applied to one", "[cli]") {
   CHECK(glyph.at("steps").at(0).at("op") == "weight");
   CHECK(glyph.at("notes").at(0).get<std::string>().starts_with("weight adds "));
 
+  const Run proofed = glyphwave({"weight", "apply", serif, model, "-o", made, "--glyphs", "a,e,s", "--against", bold,
+                                 "--proof", folder / "p.png"});
+  CHECK(proofed.status == 0);
+  CHECK(proofed.out.find("3 glyphs differ by ") != std::string::npos);
+  CHECK(contents(folder / "p.png").starts_with("\x89PNG"));
+
   // Carried to where it was learnt, the step is what it was.
   const Run fitted = glyphwave({"weight", "apply", serif, model, "-o", made, "--glyphs", "a", "--fit-amount", bold,
                                 "--advance", "learnt", "--report", folder / "r.json"});
