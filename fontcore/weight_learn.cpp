@@ -340,13 +340,16 @@ void find_strokes(Letters& letters, const std::vector<StrokeRow>& all, int index
 }
 
 Eigen::VectorXd stroke_point(const StrokePlace& place) {
-  return Eigen::Vector4d(std::log(place.thickness) / 0.35, place.direction / 0.5, place.letters / 1.2,
+  return Eigen::Vector4d(std::log(place.thickness) / 0.25, place.direction / 0.5, place.letters / 1.2,
                          (place.is_round ? 1.0 : 0.0) / 0.6);
 }
 
 // The tables of what the control letters say beyond the law.
 void correct_strokes(WeightModel& model, const std::vector<StrokeRow>& rows) {
   constexpr double samples = 220.0;  // that all rows together count for
+  // The law is read off straight strokes: what a single one shows beyond it, a leg or a beak, is mostly its letter's
+  // own.
+  constexpr std::array<double, 2> kept = {0.3, 1.0};  // straight, round
   struct Sum {
     double log_thickness = 0.0, direction = 0.0, growth = 0.0, weight = 0.0;
     std::map<int, double> of_lesson;  // weight
@@ -395,7 +398,7 @@ void correct_strokes(WeightModel& model, const std::vector<StrokeRow>& rows) {
                                   radians(WeightModel::directions[i]), c, kind == 1};
           const double size = size_at(place);
           const auto [value, deviation] = residual.at(stroke_point(place), size);
-          letters.correction[kind][i][j] = rounded(value, 0.1);
+          letters.correction[kind][i][j] = rounded(kept[kind] * value, 0.1);
           letters.deviation[kind][i][j] = rounded(deviation / std::max(size, 0.3), 0.1);
         }
       }
@@ -553,23 +556,26 @@ std::vector<CounterRow> counter_rows(const Lesson& lesson) {
   return rows;
 }
 
-// Flats, extrema and the end of the box at the top (sign 1) or bottom (-1) of a letter.
+// Flats, extrema and the end of the box at the top (sign 1) or bottom (-1) of a letter. What moves unlike the end is a
+// part of that letter, a beak or a cut, and no height that letters share.
 void add_heights(std::vector<HeightRow>& rows, const Lesson& lesson, double sign) {
   const StrokeEdges& shape = lesson.shape;
   const Moves moves(shape, lesson.moves);
   const auto end_of = [&](const Box& box) { return sign > 0.0 ? box.high.y() : box.low.y(); };
   const double end = end_of(shape.box());
+  const double shift = end_of(lesson.drawn.box()) - end;
   const double reach = 0.1 * (shape.box().high.y() - shape.box().low.y());
+  const auto add = [&](double height, double its_shift, double weight) {
+    if (std::abs(height - end) < reach && std::abs(its_shift - shift) < near_zone) {
+      rows.push_back({height, its_shift, weight});
+    }
+  };
   for (int i = 0; i < shape.size(); ++i) {
     const StrokeEdge& edge = shape[i];
-    if (sign * edge.normal.y() > 0.99 && edge.is_line && std::abs(edge.middle.y() - end) < reach) {
-      rows.push_back({edge.middle.y(), moves.middle(i).y(), edge.length});
-    }
-    if (shape.is_extremum(i, sign) && std::abs(edge.start.y() - end) < reach) {
-      rows.push_back({edge.start.y(), moves.start(i).y(), 40.0});
-    }
+    if (sign * edge.normal.y() > 0.99 && edge.is_line) add(edge.middle.y(), moves.middle(i).y(), edge.length);
+    if (shape.is_extremum(i, sign)) add(edge.start.y(), moves.start(i).y(), 40.0);
   }
-  rows.push_back({end, end_of(lesson.drawn.box()) - end, 60.0});
+  rows.push_back({end, shift, 60.0});
 }
 
 void learn_serifs(WeightModel& model, const std::vector<Lesson>& lessons) {
