@@ -634,6 +634,62 @@ Outcome simplify(const Request& request, const SimplifyRequest& simplify) {
   return {request.quiet ? "" : simplify_summary(request, simplify, font, result), "", 0};
 }
 
+namespace {
+
+// In what a person would look for in vain: letters that the model does not follow.
+std::vector<std::string> learning_warnings(const fontcore::WeightModel& model) {
+  using Control = fontcore::WeightModel::Control;
+  constexpr double seen_in_strokes = 0.25;  // of the step: what a reader sees between strokes of one letter
+  constexpr double seen_in_width = 1.0;     // of the step
+  constexpr double no_step = 1.0;           // thousandths of the em
+  std::vector<std::string> warnings;
+  double step = 0.0;
+  for (const auto& letters : model.letters)
+    step = std::max({step, std::abs(letters.upright.growth), std::abs(letters.level.growth)});
+  if (step < no_step) {
+    return {"the letters are as heavy in one font as in the other: there is nothing to learn"};
+  }
+  for (const Control& control : model.controls) {
+    if (!control.used) {
+      warnings.push_back(control.name +
+                         " is left out: its contours in the two fonts do not pair up; is it drawn in both?");
+    } else if (control.thickness_error > seen_in_strokes * step) {
+      warnings.push_back(control.name + " contradicts the others: its strokes grow otherwise, by " +
+                         rounded(control.thickness_error, 2) + " of " + rounded(step, 2));
+    } else if (std::abs(control.width_error) > seen_in_width * step) {
+      warnings.push_back(control.name +
+                         (control.width_error > 0.0 ? " would come out wider than it is drawn, by "
+                                                    : " would come out narrower than it is drawn, by ") +
+                         rounded(std::abs(control.width_error), 2));
+    }
+  }
+  const auto& [small, large] = model.letters;
+  if (small.upright.thickness == large.upright.thickness && small.level.thickness == large.level.thickness)
+    warnings.emplace_back("the letters are all of the lower case, or all capitals: the others are taken to grow alike");
+  return warnings;
+}
+
+std::string learn_summary(const fontcore::WeightModel& model) {
+  std::string out = "in thousandths of the em\n";
+  const auto stroke = [](const fontcore::WeightModel::Stroke& one) {
+    return rounded(one.thickness, 3) + " to " + rounded(one.thickness + one.growth, 3);
+  };
+  for (const auto& [name, letters] :
+       {std::pair("lower case", model.letters[0]), std::pair("capitals", model.letters[1])}) {
+    out += text(name, ": stems from ", stroke(letters.upright), ", bars from ", stroke(letters.level), "\n");
+  }
+  for (const fontcore::WeightModel::Control& control : model.controls) {
+    if (!control.used) continue;
+    out += text("control letter ", control.name, ": strokes off by ", rounded(control.thickness_error, 2), ", ",
+                rounded(std::abs(control.width_error), 2), control.width_error < 0.0 ? " narrower" : " wider",
+                " than drawn\n");
+  }
+  for (const std::string& warning : learning_warnings(model)) out += "warning: " + warning + "\n";
+  return out;
+}
+
+}  // namespace
+
 Outcome learn_weight(const Request& request, const LearnWeightRequest& learn) {
   const bool has_file = !learn.prior.empty() && learn.prior != "none";
   check_outputs({request.font, learn.bold, has_file ? learn.prior : ""}, {learn.output});
@@ -651,20 +707,7 @@ Outcome learn_weight(const Request& request, const LearnWeightRequest& learn) {
   glyphs::write_files({{learn.output, {json.begin(), json.end()}}});
   if (request.json) return {json, "", 0};
   if (request.quiet) return {};
-  std::string out;
-  for (const auto& [name, letters] :
-       {std::pair("lower case", model.letters[0]), std::pair("capitals", model.letters[1])}) {
-    out += text(name, ": stems ", rounded(letters.upright.thickness, 3), " + ", rounded(letters.upright.growth, 3),
-                ", bars ", rounded(letters.level.thickness, 3), " + ", rounded(letters.level.growth, 3),
-                " thousandths of the em\n");
-  }
-  for (const fontcore::WeightModel::Control& control : model.controls) {
-    out += control.used
-               ? text("control letter ", control.name, ": strokes off by ", rounded(control.thickness_error, 2),
-                      ", width by ", rounded(control.width_error, 2), " thousandths of the em\n")
-               : text("control letter ", control.name, ": left out, its contours do not pair up\n");
-  }
-  return {out + "written: " + learn.output + "\n", "", 0};
+  return {learn_summary(model) + "written: " + learn.output + "\n", "", 0};
 }
 
 namespace {
