@@ -579,13 +579,15 @@ class Writer {
 
   /// A composite's bytes with its parts where they are wanted; in words where a byte no longer holds an offset.
   Bytes with_moved_parts(int id) const {
-    enum : unsigned { words = 1, xy = 2, more = 0x20, scaled_offset = 0x800 };
+    enum : unsigned { words = 1, xy = 2, more = 0x20, instructions = 0x100, scaled_offset = 0x800 };
     const View old = old_glyphs_[static_cast<std::size_t>(id)];
+    if (!std::ranges::binary_search(moved_, id)) return {old.begin(), old.end()};
     const std::vector<Component> parts = wanted_parts(id);
     Bytes bytes(old.begin(), old.begin() + 10);
     std::uint64_t at = 10;
     std::size_t k = 0;
-    for (unsigned flags = more; flags & more; ++k) {
+    unsigned flags = more;
+    for (; flags & more; ++k) {
       flags = sfnt::u16(old, at);
       const View record = sfnt::slice(old, at, sfnt::component_length(flags));
       at += record.size();
@@ -611,8 +613,10 @@ class Writer {
       const std::ptrdiff_t arguments = flags & words ? 8 : 6;
       bytes.insert(bytes.end(), record.begin() + arguments, record.end());
     }
-    const View rest = old.subspan(at);  // instructions
-    bytes.insert(bytes.end(), rest.begin(), rest.end());
+    if (flags & instructions) {  // behind them is padding for the old length
+      const View program = sfnt::slice(old, at, 2 + std::uint64_t{sfnt::u16(old, at)});
+      bytes.insert(bytes.end(), program.begin(), program.end());
+    }
     return bytes;
   }
 
