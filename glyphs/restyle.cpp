@@ -343,6 +343,7 @@ std::string report_json(const Font& font, const RestyleResult& result) {
                {"bytes_after", size.bytes_after},
                {"changed_tables", result.font.changed_tables},
                {"dropped_tables", result.font.dropped_tables},
+               {"advances_changed", result.spacing.advances.size()},
                {"moved_composites", names(result.font.moved_composites)},
                {"decomposed", names(result.font.decomposed)},
                {"emptied", names(emptied)},

@@ -64,10 +64,13 @@ class Spacer {
   Spacing spaced() {
     if (policy_ == AdvancePolicy::Scale) find_ratio();
     for (const Glyph& glyph : font_.glyphs) {
-      if (glyph.components.empty() && glyph.trouble.empty()) place(glyph);
-    }
-    for (const Glyph& glyph : font_.glyphs) {
-      if (glyph.is_composite() && glyph.trouble.empty()) open_.insert(glyph.id);
+      if (!glyph.trouble.empty()) continue;
+      const bool is_decomposed = glyph.contours.empty() && result_.outlines.contains(glyph.id);
+      if (glyph.is_composite() && !is_decomposed) {
+        open_.insert(glyph.id);
+      } else {
+        place(glyph);
+      }
     }
     while (!open_.empty()) follow(*open_.begin());
     for (const Glyph& glyph : font_.glyphs) {

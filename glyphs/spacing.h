@@ -53,7 +53,8 @@ bool is_monospaced(const Font& font);
 ///
 /// Composites follow. One has the advance of a part whose metrics it uses, or that it stands on unmoved and had the
 /// advance of; else its advance grows with its ink. Of two parts over each other, by half of the narrower one's width
-/// at least, the one keeps its middle on that of the other; of two beside each other, the gap stays.
+/// at least, the one keeps its middle on that of the other; of two beside each other, the gap stays. A glyph of a UFO
+/// that has contours and components at once keeps its advance.
 ///
 /// Anchors of a UFO are moved by the map that takes origin, left and right of the ink and advance from where they were
 /// to where they are now, linear in between, and upwards by bottom and top of the ink, outside as the nearer of them.

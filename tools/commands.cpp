@@ -261,6 +261,8 @@ std::string summary(const Request& request, const RestyleRequest& restyle, const
     out += what_was_added(result.size) + "\n";
   }
   out += what_changed(font, result.font);
+  if (!result.spacing.advances.empty())
+    out += text("advances changed: ", result.spacing.advances.size(), " of ", font.glyphs.size(), "\n");
   if (!result.font.dropped_instructions.empty() || !result.font.moved_composites.empty())
     out += text("instructions dropped from ", count(result.font.dropped_instructions.size(), "glyph"),
                 "; box moved of ", count(result.font.moved_composites.size(), "composite"), "\n");

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <set>
+#include <optional>
 
 #include "fontcore/measure.h"
 #include "glyphs/error.h"
@@ -182,6 +182,35 @@ TEST_CASE("widths in CFF are the advances of hmtx", "[spacing]") {
       CHECK((width ? *width + dict.nominal_width : dict.default_width) == glyph.advance);
     }
   }
+}
+
+TEST_CASE("an accented glyph by endchar reads back with another width and place of its accent", "[spacing]") {
+  for (const std::optional<double> width : {std::optional<double>(), std::optional(-317.0)}) {
+    const sfnt::CffAccent accent{Point(212.0, -30.0), 97, 194};
+    const Bytes code = sfnt::encode_accented(accent, width);
+    const sfnt::Charstring read = sfnt::interpret(code, {}, {});
+    REQUIRE(read.trouble.empty());
+    REQUIRE(read.accent);
+    CHECK(read.accent->shift == accent.shift);
+    CHECK(read.accent->base == accent.base);
+    CHECK(read.accent->accent == accent.accent);
+    CHECK(read.width == width);
+  }
+}
+
+TEST_CASE("a composite that is decomposed stands on its advance like any other glyph", "[spacing]") {
+  const Font font = load_font(open_sans);
+  const Glyph& aacute = glyph_of(font, U'\u00e1');
+  fontcore::Affine wider;
+  wider.linear(0, 0) = 1.2;
+  EditedGlyphs edited;
+  for (const auto& contour : decompose(font, aacute.id)) edited[aacute.id].push_back(transform(contour, wider));
+  Box ink;
+  for (const auto& contour : edited[aacute.id]) ink.add(tight_box(contour));
+  const Box before = box_of(font, aacute.id);
+  const Spacing spacing = space(font, edited, AdvancePolicy::Sidebearings);
+  const double growth = (ink.high.x() - ink.low.x()) - (before.high.x() - before.low.x());
+  CHECK(spacing.advances.at(aacute.id) - aacute.advance == Approx(growth).margin(1.0));
 }
 
 TEST_CASE("hmtx grows where glyphs that shared the last advance no longer do", "[spacing]") {
