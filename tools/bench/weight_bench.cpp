@@ -299,9 +299,9 @@ Scores scores_of(const Judge& judge, const std::string& letters, const Tool& too
 class FontForge {
  public:
   explicit FontForge(const std::string& font) : font_(std::filesystem::absolute(font)) {
-    std::array<char, 64> name{"/tmp/weight_bench.XXXXXX"};
+    std::string name = std::filesystem::temp_directory_path() / "weight_bench.XXXXXX";
     if (mkdtemp(name.data()) == nullptr) throw std::runtime_error("no folder for what FontForge makes");
-    folder_ = name.data();
+    folder_ = name;
     is_installed_ = std::system("/usr/bin/python3 -c 'import fontforge' 2>/dev/null") == 0;
   }
   ~FontForge() {
