@@ -53,10 +53,11 @@ struct Glyph {
   std::vector<fontcore::BezierContour>
       contours;  ///< the font's own points and their order; they come before components
   std::vector<Component> components;
-  std::vector<ContourMarks> marks;  ///< one a contour; empty if nothing is marked
-  bool has_instructions = false;    ///< of TrueType
-  bool has_hints = false;           ///< of CFF: stems or masks; not looked for in CFF2
-  std::string trouble;              ///< why it cannot be drawn, one line; then it has neither contours nor components
+  std::vector<ContourMarks> marks;       ///< one a contour; empty if nothing is marked
+  std::vector<fontcore::Point> anchors;  ///< of a UFO: where its anchors stand, in the order of the file
+  bool has_instructions = false;         ///< of TrueType
+  bool has_hints = false;                ///< of CFF: stems or masks; not looked for in CFF2
+  std::string trouble;  ///< why it cannot be drawn, one line; then it has neither contours nor components
 
   bool is_composite() const { return !components.empty(); }
 };

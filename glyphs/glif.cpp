@@ -70,10 +70,25 @@ class GlifParser {
     }
     for (const pugi::xml_node child : root.children()) {
       if (std::strcmp(child.name(), "unicode") == 0) glif_.unicodes.push_back(code_point(xml::attribute(child, "hex")));
-      if (std::strcmp(child.name(), "anchor") == 0) glif_.has_anchors = true;
+      if (std::strcmp(child.name(), "anchor") == 0) read_anchor(child);
     }
     const pugi::xml_attribute width = root.child("advance").attribute("width");
-    if (width) glif_.advance = bounded(xml::decode(width.value()), "advance");
+    if (!width) return;
+    glif_.advance = bounded(xml::decode(width.value()), "advance");
+    glif_.width = value_span(width);
+  }
+
+  /// One without a place is carried along like all that is not understood.
+  void read_anchor(pugi::xml_node element) {
+    const pugi::xml_attribute x = element.attribute("x");
+    const pugi::xml_attribute y = element.attribute("y");
+    try {
+      glif_.anchors.push_back(
+          {Point(bounded(xml::decode(x.value()), "anchor"), bounded(xml::decode(y.value()), "anchor")), value_span(x),
+           value_span(y)});
+    } catch (const Malformed&) {
+      return;
+    }
   }
 
   static char32_t code_point(const std::string& hex) {
@@ -115,6 +130,8 @@ class GlifParser {
     component.placement.shift = Point(entry("xOffset", 0.0), entry("yOffset", 0.0));
     component.is_named = !xml::attribute(element, "identifier").empty();
     component.element = element_span(element);
+    if (const pugi::xml_attribute x = element.attribute("xOffset")) component.x_offset = value_span(x);
+    if (const pugi::xml_attribute y = element.attribute("yOffset")) component.y_offset = value_span(y);
     glif_.components.push_back(std::move(component));
   }
 

@@ -43,17 +43,27 @@ struct GlifComponent {
   fontcore::Affine placement;
   bool is_named = false;  ///< it has an identifier
   Span element;
+  std::optional<Span> x_offset;  ///< the values, between their quotes; none stands for 0
+  std::optional<Span> y_offset;
+};
+
+/// An anchor, by its place.
+struct GlifAnchor {
+  fontcore::Point position{0, 0};
+  Span x;
+  Span y;
 };
 
 /// A glyph's file as far as it is understood, with the places of what may be changed.
 struct Glif {
   double advance = 0.0;
+  std::optional<Span> width;  ///< the value of the advance; none stands for 0
   std::vector<char32_t> unicodes;
   std::vector<GlifContour> contours;  ///< all, in the order of the file
   std::vector<GlifComponent> components;
   std::vector<ContourMarks> marks;  ///< one a contour with an outline; empty if nothing is marked
   std::vector<std::string> hints;   ///< keys of its lib that hold hints
-  bool has_anchors = false;
+  std::vector<GlifAnchor> anchors;  ///< those with a place
   std::string trouble;
 
   std::vector<const GlifContour*> outlines() const {

@@ -24,7 +24,8 @@ class ObjectReader {
   }
 
   [[noreturn]] void fail(const std::string& key, const std::string& why) const {
-    throw RequestError(where(key) + ": " + why);
+    const std::string place = where(key);
+    throw RequestError(place.empty() ? why : place + ": " + why);
   }
   std::string where(const std::string& key) const {
     return key.empty() ? path_ : path_.empty() ? key : path_ + "." + key;

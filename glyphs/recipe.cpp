@@ -19,8 +19,6 @@ namespace {
 using fontcore::Point;
 using fontcore::text;
 
-constexpr const char* later = "is not in this version of glyphwave";
-
 Step read_sweep(ObjectReader& reader) {
   SweepStep step;
   if (reader.has("handles")) {
@@ -133,16 +131,45 @@ Step read_repeat(ObjectReader& reader) {
   return step;
 }
 
+Step read_weight(ObjectReader& reader) {
+  WeightStep step;
+  step.model_path = reader.take_text("model", "");
+  if (step.model_path.empty()) reader.fail("model", "must name a weight model");
+  if (reader.has("contour")) reader.fail("contour", "weight is of a whole glyph");
+  const auto share = [&](const char* key) {
+    const double amount = reader.take_number(key);
+    if (!(amount >= -1.0 && amount <= 2.0)) reader.fail(key, "must be from -1 to 2");
+    return amount;
+  };
+  const auto thickness = [&](const char* key) {
+    const double units = reader.take_number(key);
+    if (!(units > 0.0)) reader.fail(key, "must be positive");
+    return units;
+  };
+  step.carries = reader.take_flag("carry", false);
+  WeightStrength& strength = step.strength;
+  if (reader.has("amount")) strength.amount = share("amount");
+  if (reader.has("amount_x")) strength.x = share("amount_x");
+  if (reader.has("amount_y")) strength.y = share("amount_y");
+  if (reader.has("amount_thin")) strength.thin = share("amount_thin");
+  if (reader.has("amount_serif")) strength.serif = share("amount_serif");
+  if (reader.has("stem_x")) strength.stems.upright = thickness("stem_x");
+  if (reader.has("stem_y")) strength.stems.level = thickness("stem_y");
+  step.advance = advance_policy(reader.take_choice("advance", {"keep", "sidebearings", "scale", "learnt"}, "keep"));
+  return step;
+}
+
 Step read_step(const Json& json, const std::string& path) {
   ObjectReader reader(json, path);
+  if (!reader.has("op")) reader.fail("op", "is missing");
   const std::string op =
       reader.take_choice("op", {"sweep", "smooth", "equalize", "soften", "character", "repeat", "weight"}, "");
-  if (op == "weight" || op.empty()) reader.fail("op", "\"" + op + "\" " + later);
   Step step = op == "sweep"      ? read_sweep(reader)
               : op == "smooth"   ? read_smooth(reader)
               : op == "equalize" ? read_equalize(reader)
               : op == "soften"   ? read_soften(reader)
               : op == "repeat"   ? read_repeat(reader)
+              : op == "weight"   ? read_weight(reader)
                                  : read_character(reader);
   const std::string glyph = reader.take_text("glyph", "");
   const std::optional<int> contour = reader.take_contour();
@@ -217,7 +244,6 @@ Keep read_keep(const Json& json) {
 Recipe read_recipe(const std::string& json) {
   const Json root = parse_json(json);
   ObjectReader reader(root, "");
-  if (!root.is_object()) reader.fail("", "a recipe is an object");
   Recipe recipe;
   recipe.lengths_in_thousandths = reader.take_choice("unit", {"unit", "em/1000"}, "unit") == "em/1000";
   recipe.glyphs = reader.take_text("glyphs", "");
@@ -269,6 +295,10 @@ Recipe load_recipe(const std::string& path) {
     if (character != nullptr) character->library = load_library(folder / character->library_path);
     auto* const repeat = std::get_if<RepeatStep>(&step);
     if (repeat != nullptr) repeat->edit = load_edit(folder / repeat->library_path);
+    if (auto* const weight = std::get_if<WeightStep>(&step)) {
+      const std::string model = folder / weight->model_path;
+      weight->model = std::make_shared<const fontcore::WeightModel>(parse_weight(read_text(model), model));
+    }
   }
   return recipe;
 }

@@ -13,6 +13,8 @@
 #include "fontcore/measure.h"
 #include "fontcore/place.h"
 #include "glyphs/font.h"
+#include "glyphs/spacing.h"
+#include "glyphs/weight.h"
 
 namespace glyphs {
 
@@ -91,7 +93,21 @@ struct RepeatStep {
   double largest = 1.0;
 };
 
-using Step = std::variant<SweepStep, SmoothStep, EqualizeStep, SoftenStep, CharacterStep, RepeatStep>;
+/// A learnt step of weight, on the whole glyph. Heights, widths and the area that it makes are what later steps keep
+/// to; frozen stretches stay.
+struct WeightStep {
+  std::string glyph;                                   ///< as in SmoothStep
+  std::optional<int> contour;                          ///< none
+  std::string model_path;                              ///< as in CharacterStep
+  std::shared_ptr<const fontcore::WeightModel> model;  ///< none until `load_recipe` has read it
+  bool carries = false;                                ///< the font is of another family than the model: `carry_weight`
+  WeightStrength strength;
+  /// What the strength means in the font at hand; none: `amounts_in` tells.
+  std::optional<fontcore::WeightAmounts> amounts;
+  AdvancePolicy advance = AdvancePolicy::Keep;  ///< of the last step that weighs a glyph
+};
+
+using Step = std::variant<SweepStep, SmoothStep, EqualizeStep, SoftenStep, CharacterStep, RepeatStep, WeightStep>;
 
 enum class KeepArea { Glyph, Contour, None };
 enum class OnCrossing { Reduce, Refuse, Allow };
@@ -146,7 +162,7 @@ struct Recipe {
 /// of the wrong type,
 ///         an operation or a rule this version cannot honour.
 Recipe parse_recipe(const std::string& json, const std::string& name);
-/// Reads the file, parses it, and reads the libraries that it names.
+/// Reads the file, parses it, and reads the libraries and models that it names.
 Recipe load_recipe(const std::string& path);
 
 /// The glyph ids a selection names, sorted, each once: names (`a`, `f_f_i`), code points and ranges (`U+0041-005A`),

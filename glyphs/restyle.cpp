@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <iterator>
 #include <map>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <utility>
 
 #include "fontcore/alignment.h"
 #include "fontcore/crossing.h"
@@ -74,6 +76,23 @@ void check_recipe(const Font& font, const Recipe& recipe, const std::vector<int>
 }
 
 }  // namespace
+
+Recipe with_amounts(const Font& font, Recipe recipe) {
+  const double unit = recipe.lengths_in_thousandths ? font.units_per_em / 1000.0 : 1.0;
+  for (Step& step : recipe.steps) {
+    auto* const weight = std::get_if<WeightStep>(&step);
+    if (weight == nullptr || weight->amounts) continue;
+    if (!weight->model) throw RequestError(weight->model_path + ": the model of a weight step is not loaded");
+    if (weight->carries) {
+      weight->model = std::make_shared<const fontcore::WeightModel>(carry_weight(font, *weight->model));
+    }
+    WeightStrength strength = weight->strength;
+    if (strength.stems.upright) *strength.stems.upright *= unit;
+    if (strength.stems.level) *strength.stems.level *= unit;
+    weight->amounts = amounts_in(font, *weight->model, strength);
+  }
+  return recipe;
+}
 
 std::vector<int> glyphs_to_restyle(const Font& font, const Recipe& recipe, const RestyleOptions& options) {
   kind_of(font);  // what cannot be written is refused before it is worked on
@@ -176,11 +195,25 @@ std::int64_t most_work(const Font& font, const Recipe& recipe, const std::vector
   return tries * work_of_point(recipe) * drawn_points(font, selected) + in_any_case;
 }
 
+// What becomes of advances: as the last weight step has it. None: no step weighs, and they stay.
+std::optional<AdvancePolicy> advance_of(const Recipe& recipe) {
+  std::optional<AdvancePolicy> advance;
+  for (const Step& step : recipe.steps) {
+    if (const auto* const weight = std::get_if<WeightStep>(&step)) advance = weight->advance;
+  }
+  return advance;
+}
+
 }  // namespace
 
-RestyleResult restyle(const Font& font, const Recipe& recipe, const RestyleOptions& options) {
-  const std::vector<int> selected = glyphs_to_restyle(font, recipe, options);
-  if (!recipe.steps.empty()) refuse_at_fault(font);
+RestyleResult restyle(const Font& font, const Recipe& given, const RestyleOptions& options) {
+  const std::vector<int> selected = glyphs_to_restyle(font, given, options);
+  if (!given.steps.empty()) refuse_at_fault(font);
+  const Recipe recipe = with_amounts(font, given);
+  const std::optional<AdvancePolicy> advance = advance_of(recipe);
+  const std::optional<std::vector<int>> spaced_glyphs =
+      recipe.glyphs.empty() && !options.only ? std::nullopt : std::optional(selected);
+  if (advance) space(font, {}, *advance, {}, spaced_glyphs);  // what it refuses, before any work
   const bool finds_zones = recipe.keep.zones_auto && !recipe.steps.empty() && !selected.empty();
   const std::vector<double> zones = finds_zones ? alignment_zones(font) : std::vector<double>{};
   std::vector<GlyphResult> results(selected.size());
@@ -250,6 +283,20 @@ RestyleResult restyle(const Font& font, const Recipe& recipe, const RestyleOptio
     if (glyph.report.changed) edited.emplace(glyph.report.glyph, std::move(glyph.contours));
     result.glyphs.push_back(std::move(glyph.report));
   }
+  if (advance) {
+    std::map<int, SideGrowth> growth;
+    for (const GlyphReport& report : result.glyphs) {
+      for (const StepReport& step : report.steps) {
+        growth[report.glyph].left += step.sides.left;
+        growth[report.glyph].right += step.sides.right;
+      }
+    }
+    result.spacing = space(font, std::move(edited), *advance, growth, spaced_glyphs);
+    edited = std::exchange(result.spacing.outlines, {});
+    writing.advances = result.spacing.advances;
+    writing.component_shifts = result.spacing.component_shifts;
+    writing.anchors = result.spacing.anchors;
+  }
   result.font = write_font(font, edited, writing);
   for (const int id : crossing_composites) {
     result.font.warnings.push_back(text(font.glyphs[static_cast<std::size_t>(id)].name,
@@ -315,6 +362,7 @@ std::string report_json(const Font& font, const RestyleResult& result) {
                {"bytes_after", size.bytes_after},
                {"changed_tables", result.font.changed_tables},
                {"dropped_tables", result.font.dropped_tables},
+               {"advances_changed", result.spacing.advances.size()},
                {"moved_composites", names(result.font.moved_composites)},
                {"decomposed", names(result.font.decomposed)},
                {"emptied", names(emptied)},
@@ -372,6 +420,10 @@ std::string report_json(const Font& font, const RestyleResult& result) {
         one["too_short"] = step.too_short;
         one["base_move"] = step.base_move;
         one["finest"] = step.finest;
+      } else if (step.op == "weight") {
+        one.erase("contour");  // it is of the whole glyph
+        one["amount"] = step.share;
+        one["held_segments"] = step.held_segments;
       } else if (step.op == "repeat") {
         one["places"] = step.places;
         one["off_wish"] = step.off_wish;

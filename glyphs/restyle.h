@@ -35,6 +35,9 @@ struct StepReport {
   int too_short = 0;          ///< and those without room for two fades, which stay
   double base_move = 0.0;     ///< largest move of the outline projected at the library's scale, font units
   int places = 0;             ///< of a repeat step: stretches that run alike
+  double share = 0.0;         ///< of a weight step: of its amounts that was applied
+  int held_segments = 0;      ///< and segments kept from folding over
+  SideGrowth sides;           ///< and by how much the sidebearings grow, as learnt
   double finest = 0.0;  ///< features shorter than this are left out, so that the glyph has no more points than it may
 };
 
@@ -56,7 +59,7 @@ struct GlyphReport {
   bool changed = false;
   double amount = 1.0;  ///< share of the wished moves applied; below 1 if a crossing stood against it
   double area_before = 0.0;
-  double area_target = 0.0;     ///< that of before, or of the softened outline
+  double area_target = 0.0;     ///< that of before, or of the softened or weighed outline
   double area_unrounded = 0.0;  ///< area before rounding to whole numbers
   double area_after = 0.0;
   double largest_displacement = 0.0;
@@ -112,11 +115,17 @@ struct RestyleOptions {
 /// it was and is named. No sound font comes near it.
 struct RestyleResult {
   WrittenFont font;
+  Spacing spacing;                  ///< without its outlines; advances change by weight steps alone
   std::vector<GlyphReport> glyphs;  ///< selected glyphs, by id
   OutlineSize size;                 ///< of all glyphs of the font: composites change with their parts
   int changed() const;
   int refused() const;
 };
+
+/// The recipe with the models and amounts of its weight steps told for the font.
+///
+/// Throws  RequestError as `carry_weight` and `amounts_in`, or if a step's model is not loaded.
+Recipe with_amounts(const Font& font, Recipe recipe);
 
 /// The glyphs that `restyle` works on, sorted.
 ///

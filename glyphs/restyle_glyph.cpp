@@ -65,6 +65,7 @@ class GlyphEditor {
   GlyphEditor(const Font& font, const Glyph& glyph, const Recipe& recipe, const std::vector<double>& zones,
               std::int64_t& work)
       : font_(font),
+        id_(glyph.id),
         name_(glyph.name),
         original_(glyph.contours),
         marks_(glyph.marks),
@@ -136,6 +137,7 @@ class GlyphEditor {
     Attempt result;
     result.unrounded = original_;
     references_.clear();
+    weighed_zones_.clear();
     for (std::size_t k = 0; k < original_.size(); ++k) {
       references_.push_back({original_[k], std::vector<int>(original_[k].kinds().size()), frozen_[k],
                              marks_.empty() ? std::vector<int>{} : marks_[k].corners});
@@ -143,6 +145,11 @@ class GlyphEditor {
     }
     std::vector<std::vector<fontcore::OutlineCurve::Location>> handles(original_.size());
     for (const PlacedStep& placed : steps_) {
+      if (const auto* const step = std::get_if<WeightStep>(&placed.step)) {
+        result.steps.push_back(weighed(*step, amount, result.unrounded));
+        for (auto& places : handles) places.clear();  // they are part of the outline that is kept now
+        continue;
+      }
       const auto k = static_cast<std::size_t>(placed.contour);
       result.steps.push_back(apply(placed, amount, result.unrounded, handles[k]));
     }
@@ -213,6 +220,10 @@ class GlyphEditor {
   void place(const RepeatStep& step, double) {
     if (!step.edit) throw RequestError(step.library_path + ": the edit of a repeat step is not loaded");
     place_on_contours(step, step.contour);
+  }
+  void place(const WeightStep& step, double) {
+    if (!step.amounts) throw RequestError(step.model_path + ": the amounts of a weight step are not told");
+    if (!original_.empty() && !is_nothing(*step.amounts)) steps_.push_back({step, 0});
   }
   void place_on_contours(const Step& step, std::optional<int> contour) {
     if (contour) {
@@ -416,6 +427,56 @@ class GlyphEditor {
     contour = made;
   }
 
+  // The whole glyph in another weight: what later steps, and rounding, keep to.
+  StepReport weighed(const WeightStep& step, double amount, Contours& contours) {
+    StepReport report;
+    report.op = "weight";
+    fontcore::Weighted made = apply_weight(font_, id_, contours, *step.model, *step.amounts,
+                                           {.share = amount, .italic_angle = rules_.frame.italic_angle});
+    report.share = made.amount;
+    report.held_segments = made.held_segments;
+    report.sides = {made.left_side, made.right_side};
+    if (made.amount == 0.0) {
+      if (amount > 0.0)
+        report.against.emplace_back("a crossing, a closed counter or lost ink: nothing of it is applied");
+      return report;
+    }
+    if (made.amount < amount) {
+      report.against.push_back(text("a crossing, a closed counter or lost ink: ", made.amount, " of it is applied"));
+    }
+    for (std::size_t k = 0; k < contours.size(); ++k) {
+      ContourReference& reference = references_[k];
+      if (!reference.frozen.empty()) made.contours[k] = held(contours[k], made.contours[k], k);
+      const std::vector<double>& zones = rules_.zones;
+      for (int s = 0; s < contours[k].segment_count(); ++s) {
+        const int node = contours[k].node(s);
+        const double height = contours[k].point(node).y();
+        constexpr double same_height = 1e-9;
+        if (std::ranges::any_of(zones, [&](double zone) { return std::abs(zone - height) < same_height; })) {
+          weighed_zones_.push_back(made.contours[k].point(node).y());
+        }
+      }
+      reference.contour = made.contours[k];
+    }
+    contours = std::move(made.contours);
+    return report;
+  }
+
+  // A contour moved to another of its structure as far as what is frozen lets it.
+  BezierContour held(const BezierContour& contour, const BezierContour& wished, std::size_t index) const {
+    fontcore::StructureEdit edit;
+    edit.rules = rules_of(index);
+    edit.rules.zones.clear();  // heights are the step's
+    edit.rows = references_[index].frozen;
+    edit.breadth = length(contour);
+    const auto wish = [&](int segment, double u, double) -> Point {
+      return evaluate(wished.segment(segment), u) - evaluate(contour.segment(segment), u);
+    };
+    fontcore::StructureFit fit = refit_structure(fontcore::OutlineArcs(contour), wish, edit);
+    if (!fit.report.failed.empty()) throw Refusal{text("contour ", index, ": ", fit.report.failed)};
+    return std::move(fit.contour);
+  }
+
   // Detail laid on a contour as it stands.
   StepReport character(const CharacterStep& step, int index, double amount, BezierContour& contour) {
     ContourReference& reference = references_[static_cast<std::size_t>(index)];
@@ -467,6 +528,7 @@ class GlyphEditor {
     report.contour = placed.contour;
     fontcore::StructureEdit edit;
     edit.rules = rules_of(static_cast<std::size_t>(placed.contour));
+    edit.rules.zones.insert(edit.rules.zones.end(), weighed_zones_.begin(), weighed_zones_.end());
     const ContourReference& reference = references_[static_cast<std::size_t>(placed.contour)];
     edit.rows = reference.frozen;
     // Every step gives its own area back, so glyph and contour ask the same of it; they differ in rounding.
@@ -554,6 +616,7 @@ class GlyphEditor {
   }
 
   const Font& font_;
+  const int id_;
   const std::string& name_;
   const Contours& original_;
   const std::vector<ContourMarks>& marks_;  // one a contour, or none
@@ -567,6 +630,7 @@ class GlyphEditor {
   fontcore::OutlineRules rules_;
   std::vector<fontcore::Rows> frozen_;        // per contour
   std::vector<ContourReference> references_;  // per contour, of the attempt being made
+  std::vector<double> weighed_zones_;         // where a weight step has put heights of zones
   std::vector<std::optional<fontcore::OutlineCurve>> curves_;
 };
 
@@ -776,11 +840,11 @@ std::int64_t work_of_point(const Recipe& recipe) {
   return lays_detail(recipe) ? with_detail : 1;
 }
 
-GlyphResult restyle_glyph(const Font& font, int id, const Recipe& recipe, const std::vector<double>& zones,
+GlyphResult restyle_glyph(const Font& font, int id, const Recipe& given, const std::vector<double>& zones,
                           const std::vector<Point>& quiet) {
-  const std::optional<Glyph> decomposed =
-      without_components(font, font.glyphs.at(static_cast<std::size_t>(id)), recipe);
+  const std::optional<Glyph> decomposed = without_components(font, font.glyphs.at(static_cast<std::size_t>(id)), given);
   const Glyph& glyph = decomposed ? *decomposed : font.glyphs.at(static_cast<std::size_t>(id));
+  const Recipe recipe = with_amounts(font, given);
   GlyphResult result{glyph.contours, glyph.contours, {}, {}, 0};
   GlyphReport& report = result.report;
   report.glyph = id;
@@ -855,7 +919,10 @@ GlyphResult restyle_glyph(const Font& font, int id, const Recipe& recipe, const 
   report.deviation = emission_deviation(result.unrounded, result.contours);
   if (const double taken = std::abs(report.area_before) - std::abs(report.area_target);
       recipe.keep.area != KeepArea::None && std::abs(taken) > 1e-9 * std::abs(report.area_before)) {
-    report.notes.push_back(text("softening ", taken > 0.0 ? "takes " : "adds ", std::abs(taken), " square units, ",
+    const bool is_weighed = std::ranges::count(report.steps, "weight", &StepReport::op) > 0;
+    const bool is_softened = std::ranges::count(report.steps, "soften", &StepReport::op) > 0;
+    const char* what = !is_weighed ? "softening " : is_softened ? "weight and softening " : "weight ";
+    report.notes.push_back(text(what, taken > 0.0 ? "takes " : "adds ", std::abs(taken), " square units, ",
                                 100.0 * std::abs(taken / report.area_before), " % of the area"));
   }
   if (report.deviation > recipe.tolerance) {

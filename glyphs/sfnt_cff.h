@@ -72,6 +72,10 @@ std::vector<fontcore::BezierContour> snap(const std::vector<fontcore::BezierCont
 Bytes encode_charstring(const std::vector<fontcore::BezierContour>& contours,
                         const std::vector<bool>& is_closed_by_line, std::optional<double> width);
 
+/// The charstring of a glyph put together from two others of the font.
+/// Throws  Malformed if a number does not fit.
+Bytes encode_accented(const CffAccent& accent, std::optional<double> width);
+
 // ---- the table
 
 /// One operator of a DICT with its operands.

@@ -802,4 +802,17 @@ Bytes encode_charstring(const std::vector<BezierContour>& contours, const std::v
   return bytes;
 }
 
+Bytes encode_accented(const CffAccent& accent, std::optional<double> width) {
+  Bytes bytes;
+  std::vector<double> numbers{accent.shift.x(), accent.shift.y(), static_cast<double>(accent.base),
+                              static_cast<double>(accent.accent)};
+  if (width) numbers.insert(numbers.begin(), *width);
+  for (const double number : numbers) {
+    if (!(std::abs(number) < coordinate_end)) throw Malformed(text("the number ", number, " does not fit in 16 bits"));
+    append_number(bytes, static_cast<std::int64_t>(std::round(number * one)));
+  }
+  bytes.push_back(endchar);
+  return bytes;
+}
+
 }  // namespace glyphs::sfnt

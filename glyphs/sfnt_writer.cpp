@@ -173,7 +173,7 @@ class Writer {
   WrittenFont write() {
     find_changes();
     result_.warnings = font_.warnings;
-    if (changed_.empty() && (!options_.is_checked || is_faultless())) {
+    if (has_no_change() && (!options_.is_checked || is_faultless())) {
       copy_all();
       return std::move(result_);
     }
@@ -273,6 +273,73 @@ class Writer {
              text("its points are other ones now, and ", glyph_at(user).name, " matches its parts by point numbers"));
       }
     }
+    find_respaced();
+  }
+
+  bool has_no_change() const { return changed_.empty() && advances_.empty() && moved_.empty(); }
+
+  /// Advances and offsets of components that differ from the font's.
+  void find_respaced() {
+    for (const auto& [id, advance] : options_.advances) {
+      if (id < 0 || static_cast<std::size_t>(id) >= font_.glyphs.size())
+        fail(text("glyph ", id, " is none of the font"));
+      if (advance != std::trunc(advance) || advance < 0.0 || advance > 0xFFFF) {
+        fail(id, text("the advance ", advance, " is no whole number from 0 to 65535"));
+      }
+      if (advance == glyph_at(id).advance) continue;
+      if (!glyph_at(id).trouble.empty()) fail(id, text("cannot get another advance: ", glyph_at(id).trouble));
+      advances_[id] = static_cast<int>(advance);
+    }
+    for (const auto& [id, shifts] : options_.component_shifts) {
+      if (id < 0 || static_cast<std::size_t>(id) >= font_.glyphs.size())
+        fail(text("glyph ", id, " is none of the font"));
+      if (shifts.size() != glyph_at(id).components.size()) {
+        fail(id, text(shifts.size(), " shifts for its ", glyph_at(id).components.size(), " components"));
+      }
+      if (is_decomposed(id)) continue;
+      if (std::ranges::any_of(shifts, [](const fontcore::Point& shift) { return shift != fontcore::Point::Zero(); })) {
+        moved_.push_back(id);
+      }
+    }
+  }
+
+  int wanted_advance(int id) const {
+    const auto wanted = advances_.find(id);
+    return wanted == advances_.end() ? static_cast<int>(glyph_at(id).advance) : wanted->second;
+  }
+
+  /// The components of a composite, with the offsets that they are to have.
+  std::vector<Component> wanted_parts(int id) const {
+    std::vector<Component> parts = glyph_at(id).components;
+    if (!std::ranges::binary_search(moved_, id)) return parts;
+    const std::vector<fontcore::Point>& shifts = options_.component_shifts.at(id);
+    for (std::size_t k = 0; k < parts.size(); ++k) {
+      if (shifts[k] == fontcore::Point::Zero()) continue;
+      if (parts[k].matched_parent >= 0) fail(id, text("component ", k, " is placed by points, and cannot be moved"));
+      fontcore::Point& shift = parts[k].placement.shift;
+      shift = (shift + shifts[k]).array() + 0.5;
+      shift = shift.array().floor();
+    }
+    return parts;
+  }
+
+  /// The font with its changed outlines, and composites with their parts where they are to be.
+  Font changed_font(const EditedGlyphs& outlines) const {
+    Font after = font_;
+    for (const auto& [id, contours] : outlines) {
+      if (!std::ranges::binary_search(changed_, id)) continue;
+      after.glyphs[static_cast<std::size_t>(id)].contours = contours;
+      after.glyphs[static_cast<std::size_t>(id)].components.clear();
+    }
+    for (const int id : moved_) after.glyphs[static_cast<std::size_t>(id)].components = wanted_parts(id);
+    return after;
+  }
+
+  /// Composites that are drawn otherwise, though not edited themselves, and the glyphs that are.
+  std::vector<int> drawn_otherwise() const {
+    std::vector<int> sources = changed_;
+    sources.insert(sources.end(), moved_.begin(), moved_.end());
+    return dependents(font_, sources);
   }
 
   bool is_decomposed(int id) const { return std::ranges::binary_search(result_.decomposed, id); }
@@ -358,6 +425,49 @@ class Writer {
       return Bytes(bytes.begin(), bytes.end());
     };
     for (const Tag name : {tag("head"), tag("hhea"), tag("hmtx"), tag("maxp")}) rebuilt_[name] = copy(name);
+    layout_ = basics_.metrics;
+    if (!advances_.empty()) set_advances();
+  }
+
+  /// hmtx with the advances that are wanted, longer if glyphs that shared the last one no longer do; and what hhea and
+  /// OS/2 say of all of them.
+  void set_advances() {
+    const int count = basics_.glyph_count;
+    double before = 0.0;
+    double after = 0.0;
+    int wide = 0;
+    int widest_before = 0;
+    int widest = 0;
+    std::vector<int> advances;
+    for (int id = 0; id < count; ++id) {
+      const int old = basics_.metrics.advance(id);
+      advances.push_back(advances_.contains(id) ? advances_.at(id) : old);
+      before += old;
+      after += advances.back();
+      wide += advances.back() > 0 ? 1 : 0;
+      widest_before = std::max(widest_before, old);
+      widest = std::max(widest, advances.back());
+    }
+    int long_count = count;
+    while (long_count > 1 &&
+           advances[static_cast<std::size_t>(long_count) - 1] == advances[static_cast<std::size_t>(long_count) - 2])
+      --long_count;
+    layout_.long_count = std::max(long_count, basics_.metrics.long_count);
+    Bytes hmtx;
+    for (int id = 0; id < count; ++id) {
+      if (id < layout_.long_count) sfnt::append_u16(hmtx, advances[static_cast<std::size_t>(id)]);
+      sfnt::append_u16(hmtx, basics_.metrics.bearing(id));
+    }
+    rebuilt_[tag("hmtx")] = std::move(hmtx);
+    Bytes& hhea = rebuilt_[tag("hhea")];
+    put_u16(hhea, 34, layout_.long_count);
+    if (widest != widest_before) put_u16(hhea, 10, widest);
+    const sfnt::TableRecord* os2 = directory_.find(tag("OS/2"));
+    if (!os2 || os2->bytes.size() < 4 || wide == 0) return;
+    // However it was averaged, by version or by mistake, it moves with the mean.
+    const double average = sfnt::i16(os2->bytes, 2) + (after - before) / wide;
+    Bytes& bytes = rebuilt_[tag("OS/2")] = Bytes(os2->bytes.begin(), os2->bytes.end());
+    put_u16(bytes, 2, static_cast<int>(std::clamp(std::floor(average + 0.5), 0.0, 32767.0)));
   }
 
   void encode_glyphs() {
@@ -463,8 +573,51 @@ class Writer {
     const int bearing = is_decomposed(id) ? box.x_min - static_cast<int>(glyph_at(id).origin)
                                           : basics_.metrics.bearing(id) + box.x_min - old_box.x_min;
     if (!fits_int16(bearing)) fail(id, text("left side bearing ", bearing, " does not fit in 16 bits"));
-    put_u16(rebuilt_[tag("hmtx")], basics_.metrics.bearing_offset(id), bearing);
+    put_u16(rebuilt_[tag("hmtx")], layout_.bearing_offset(id), bearing);
     new_glyphs_[static_cast<std::size_t>(id)] = std::move(bytes);
+  }
+
+  /// A composite's bytes with its parts where they are wanted; in words where a byte no longer holds an offset.
+  Bytes with_moved_parts(int id) const {
+    enum : unsigned { words = 1, xy = 2, more = 0x20, instructions = 0x100, scaled_offset = 0x800 };
+    const View old = old_glyphs_[static_cast<std::size_t>(id)];
+    if (!std::ranges::binary_search(moved_, id)) return {old.begin(), old.end()};
+    const std::vector<Component> parts = wanted_parts(id);
+    Bytes bytes(old.begin(), old.begin() + 10);
+    std::uint64_t at = 10;
+    std::size_t k = 0;
+    unsigned flags = more;
+    for (; flags & more; ++k) {
+      flags = sfnt::u16(old, at);
+      const View record = sfnt::slice(old, at, sfnt::component_length(flags));
+      at += record.size();
+      if (k >= parts.size()) fail(id, "has more components than were read");
+      const fontcore::Point shift = parts[k].placement.shift;
+      if (!(flags & xy) || shift == glyph_at(id).components[k].placement.shift) {
+        bytes.insert(bytes.end(), record.begin(), record.end());
+        continue;
+      }
+      if (!fits_int16(shift.x()) || !fits_int16(shift.y()))
+        fail(id, text("component ", k, ": its offset leaves 16 bits"));
+      const auto fits_byte = [](double value) { return value >= -128.0 && value <= 127.0; };
+      const bool is_wide = (flags & words) || !fits_byte(shift.x()) || !fits_byte(shift.y());
+      sfnt::append_u16(bytes, static_cast<int>((flags & ~scaled_offset) | (is_wide ? words : 0U)));
+      bytes.insert(bytes.end(), record.begin() + 2, record.begin() + 4);
+      for (const double value : {shift.x(), shift.y()}) {
+        if (is_wide) {
+          sfnt::append_u16(bytes, static_cast<int>(value));
+        } else {
+          bytes.push_back(static_cast<unsigned char>(static_cast<int>(value) & 0xFF));
+        }
+      }
+      const std::ptrdiff_t arguments = flags & words ? 8 : 6;
+      bytes.insert(bytes.end(), record.begin() + arguments, record.end());
+    }
+    if (flags & instructions) {  // behind them is padding for the old length
+      const View program = sfnt::slice(old, at, 2 + std::uint64_t{sfnt::u16(old, at)});
+      bytes.insert(bytes.end(), program.begin(), program.end());
+    }
+    return bytes;
   }
 
   /// Those of a composite: they stand behind its components and move points by their numbers.
@@ -486,13 +639,9 @@ class Writer {
   }
 
   void move_composites() {
-    Font after = font_;
-    for (const int id : changed_) {
-      after.glyphs[static_cast<std::size_t>(id)].contours = edited_.at(id);
-      after.glyphs[static_cast<std::size_t>(id)].components.clear();
-    }
+    const Font after = changed_font(edited_);
     const std::vector<int> has_other_points = dependents(font_, renumbered_);
-    for (const int id : dependents(font_, changed_)) {
+    for (const int id : drawn_otherwise()) {
       if (!glyph_at(id).is_composite() || is_decomposed(id) || is_emptied(id)) continue;
       result_.moved_composites.push_back(id);
       int point_count = 0;
@@ -515,8 +664,7 @@ class Writer {
         return static_cast<int>(rounded);
       };
       const Box box{round(low_x + origin), round(low_y), round(high_x + origin), round(high_y)};
-      const View old = old_glyphs_[static_cast<std::size_t>(id)];
-      Bytes bytes(old.begin(), old.end());
+      Bytes bytes = with_moved_parts(id);
       put_box(bytes, 2, box);
       if (std::ranges::binary_search(has_other_points, id)) {
         raise_maximum(10, point_count);
@@ -555,25 +703,37 @@ class Writer {
       fail(text("table CFF has ", table.glyph_count(), " charstrings for ", basics_.glyph_count, " glyphs"));
     }
     std::map<int, Bytes> charstrings;
-    for (const int id : changed_) {
+    const auto width_of = [&](int id, double advance) {
+      const sfnt::CffFontDict& dict = table.font_dict(id);
+      return advance == dict.default_width ? std::nullopt : std::optional(advance - dict.nominal_width);
+    };
+    std::set<int> rewritten(changed_.begin(), changed_.end());
+    rewritten.insert(moved_.begin(), moved_.end());
+    for (const auto& [id, advance] : advances_) rewritten.insert(id);
+    for (const int id : rewritten) {
       try {
         if (table.font_dict(id).is_scaled) fail(id, "cannot be edited: it is drawn through a FontMatrix");
         const sfnt::Charstring old = table.read(id);
-        const auto& contours = snapped_[id] = sfnt::snap(edited_.at(id));
-        const bool is_like_old = has_same_structure(contours, old.contours);
-        charstrings[id] =
-            sfnt::encode_charstring(contours, is_like_old ? old.is_closed_by_line : std::vector<bool>{}, old.width);
+        const std::optional<double> width = advances_.contains(id) ? width_of(id, advances_.at(id)) : old.width;
+        if (std::ranges::binary_search(changed_, id)) snapped_[id] = sfnt::snap(edited_.at(id));
+        const auto edited = snapped_.find(id);
+        if (old.accent && edited == snapped_.end()) {
+          sfnt::CffAccent accent = *old.accent;
+          accent.shift = wanted_parts(id)[1].placement.shift;
+          charstrings[id] = sfnt::encode_accented(accent, width);
+        } else {
+          const auto& contours = edited == snapped_.end() ? old.contours : edited->second;
+          const bool is_like_old = has_same_structure(contours, old.contours);
+          charstrings[id] =
+              sfnt::encode_charstring(contours, is_like_old ? old.is_closed_by_line : std::vector<bool>{}, width);
+        }
         if (old.has_hints) result_.dropped_hints.push_back(id);
       } catch (const Malformed& error) {
         fail(id, error.what());
       }
     }
     for (const auto& [id, why] : result_.emptied) {
-      const sfnt::CffFontDict& dict = table.font_dict(id);
-      const int advance = basics_.metrics.advance(id);
-      const std::optional<double> width =
-          advance == dict.default_width ? std::nullopt : std::optional(advance - dict.nominal_width);
-      charstrings[id] = sfnt::encode_charstring({}, {}, width);
+      charstrings[id] = sfnt::encode_charstring({}, {}, width_of(id, wanted_advance(id)));
     }
     const Boxes boxes = drawn_boxes();
     for (int id = 0; id < basics_.glyph_count; ++id) {
@@ -582,7 +742,7 @@ class Writer {
       if (before && after && before->x_min != after->x_min) {
         const int bearing = basics_.metrics.bearing(id) + after->x_min - before->x_min;
         if (!fits_int16(bearing)) fail(id, text("left side bearing ", bearing, " does not fit in 16 bits"));
-        put_u16(rebuilt_[tag("hmtx")], basics_.metrics.bearing_offset(id), bearing);
+        put_u16(rebuilt_[tag("hmtx")], layout_.bearing_offset(id), bearing);
       }
     }
     rebuilt_[tag("CFF ")] = table.rewritten(charstrings, follow_boxes(boxes));
@@ -608,7 +768,7 @@ class Writer {
     }
     boxes.after = boxes.before;
     std::optional<Font> after;  // only for composites
-    for (const int id : dependents(font_, changed_)) {
+    for (const int id : drawn_otherwise()) {
       if (is_emptied(id)) continue;
       auto& box = boxes.after[static_cast<std::size_t>(id)];
       if (const auto changed = snapped_.find(id); changed != snapped_.end()) {
@@ -616,13 +776,7 @@ class Writer {
         continue;
       }
       result_.moved_composites.push_back(id);
-      if (!after) {
-        after = font_;
-        for (const auto& [changed, contours] : snapped_) {
-          after->glyphs[static_cast<std::size_t>(changed)].contours = contours;
-          after->glyphs[static_cast<std::size_t>(changed)].components.clear();
-        }
-      }
+      if (!after) after = changed_font(snapped_);
       box = drawn_box(id, compose(*after, id));
     }
     return boxes;
@@ -639,7 +793,7 @@ class Writer {
                              : is_truetype                ? std::optional<Box>(sfnt::read_box(old_glyphs_[k]))
                                                           : drawn_box(glyph.id, compose(font_, glyph.id)));
       if (const auto& box = boxes.after[k]) {
-        put_u16(rebuilt_[tag("hmtx")], basics_.metrics.bearing_offset(glyph.id), box->x_min);
+        put_u16(rebuilt_[tag("hmtx")], layout_.bearing_offset(glyph.id), box->x_min);
       }
     }
     follow_boxes(boxes);
@@ -763,14 +917,14 @@ class Writer {
   /// head, hhea, vhea and vmtx after the boxes; a value that the edit leaves alone stays as the font has it, even where
   /// the font has it wrong. The box of all, if it is another now.
   std::optional<Box> follow_boxes(const Boxes& boxes) {
-    sfnt::Metrics metrics = basics_.metrics;
+    sfnt::Metrics metrics = layout_;
     metrics.hmtx = rebuilt_[tag("hmtx")];
     Summary before;
     Summary after;
     for (int id = 0; id < basics_.glyph_count; ++id) {
       const auto& old_box = boxes.before[static_cast<std::size_t>(id)];
       const auto& new_box = boxes.after[static_cast<std::size_t>(id)];
-      if (old_box) before.add(*old_box, basics_.metrics.bearing(id), metrics.advance(id));
+      if (old_box) before.add(*old_box, basics_.metrics.bearing(id), basics_.metrics.advance(id));
       if (new_box) after.add(*new_box, metrics.bearing(id), metrics.advance(id));
     }
     follow_extents(tag("hhea"), before, after);
@@ -957,7 +1111,7 @@ class Writer {
       if (!result_.emptied.empty() && back.trouble.empty() && (is_emptied(glyph.id) || !glyph.trouble.empty())) {
         // With what is made of it, a glyph may be in no trouble any more.
         if (is_emptied(glyph.id) && read.has_outline(glyph.id)) fail(glyph.id, "reads back with an outline");
-        if (back.name != glyph.name || back.advance != glyph.advance) {
+        if (back.name != glyph.name || back.advance != wanted_advance(glyph.id)) {
           fail(glyph.id, "the result reads back with another name or advance");
         }
         continue;
@@ -965,8 +1119,8 @@ class Writer {
       const bool is_changed = std::binary_search(changed_.begin(), changed_.end(), glyph.id);
       const auto& wanted = is_changed ? wanted_outline(glyph.id) : glyph.contours;
       if (!is_same_outline(back.contours, wanted)) fail(glyph.id, "the result reads back with another outline");
-      const std::vector<Component> parts = is_changed ? std::vector<Component>() : glyph.components;
-      if (back.name != glyph.name || back.advance != glyph.advance ||
+      const std::vector<Component> parts = is_changed ? std::vector<Component>() : wanted_parts(glyph.id);
+      if (back.name != glyph.name || back.advance != wanted_advance(glyph.id) ||
           (back.origin != glyph.origin && (result_.emptied.empty() || !glyph.is_composite())) ||
           back.trouble.empty() != glyph.trouble.empty() ||
           !std::equal(back.components.begin(), back.components.end(), parts.begin(), parts.end(), is_same_part)) {
@@ -1030,8 +1184,11 @@ class Writer {
   const WriteOptions& options_;
   std::vector<int> changed_;
   std::vector<int> renumbered_;  // of those, the ones with another structure
+  std::map<int, int> advances_;  // other ones than the font's
+  std::vector<int> moved_;       // composites whose components are to stand elsewhere
   sfnt::Directory directory_;
   sfnt::Basics basics_;
+  sfnt::Metrics layout_;  // how hmtx is laid out now
   std::vector<View> old_glyphs_;
   std::vector<bool> is_lost_;  // loca gives it no bytes; it comes out empty
   std::vector<std::optional<Bytes>> new_glyphs_;

@@ -30,6 +30,15 @@ struct WrittenFont {
 /// in CFF fonts they may have fractions, which are written in steps of 1/65536.
 using EditedGlyphs = std::map<int, std::vector<fontcore::BezierContour>>;
 
+/// Advances, by glyph id; whole numbers from 0 to 65535 in an sfnt.
+using Advances = std::map<int, double>;
+
+/// By how much each component of a composite is moved, by glyph id; a component placed by matched points by nothing.
+using ComponentShifts = std::map<int, std::vector<fontcore::Point>>;
+
+/// Where each anchor of a glyph of a UFO is to stand, by glyph id.
+using AnchorPlaces = std::map<int, std::vector<fontcore::Point>>;
+
 /// For every point of an edited contour the index it had in the font's, rising, -1 if it is new: by glyph and contour.
 using PointOrigins = std::map<int, std::vector<std::vector<int>>>;
 
@@ -37,6 +46,9 @@ struct WriteOptions {
   Composites composites = Composites::Refuse;  ///< what an edited composite means
   std::vector<int> overlapping;                ///< edited glyphs that are to have the overlap flag; sorted
   PointOrigins origins;                        ///< where points have come from; of a UFO, which keeps their names
+  Advances advances;                           ///< other ones than the font has
+  ComponentShifts component_shifts;            ///< of composites that are not edited themselves
+  AnchorPlaces anchors;                        ///< of a UFO
   bool is_checked = false;                     ///< looked through for faults even if nothing is edited
 };
 
@@ -47,10 +59,12 @@ struct WriteOptions {
 /// table is copied byte for byte. A glyph not edited keeps its bytes; a composite that uses an edited one changes in
 /// its box alone (of CFF, an accented letter put together by `endchar`, in nothing). Overlap flags are kept,
 /// instructions and CFF hints of edited glyphs dropped; where points have other numbers, instructions of composites
-/// too. Left side bearings move with xMin and top side bearings with yMax, so that every outline stays at its origins;
-/// advances never change. Same input, same bytes: head.modified changes only if SOURCE_DATE_EPOCH is set. With nothing
-/// edited the file itself comes back, bit for bit, and of a collection all tables of the face. The result has been read
-/// again and compared before it is returned, charstrings by FreeType too.
+/// too. Left side bearings move with xMin and top side bearings with yMax, so that every outline stays at its origins.
+/// Advances change where the options say so, and with them hhea.advanceWidthMax, OS/2.xAvgCharWidth and widths in CFF;
+/// offsets of components too, in whole numbers, with unscaled offsets where they were scaled. Same input, same bytes:
+/// head.modified changes only if SOURCE_DATE_EPOCH is set. With nothing edited the file itself comes back, bit for bit,
+/// and of a collection all tables of the face. The result has been read again and compared before it is returned,
+/// charstrings by FreeType too.
 ///
 /// Whatever is edited, or is to be checked, comes out as a font that sanitizers (OTS, that of browsers) accept. A glyph
 /// for which they refuse the whole font, because its bytes end early, its component does not exist or its charstring

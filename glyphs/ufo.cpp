@@ -208,6 +208,7 @@ void fill(Font& font) {
         glyph.contours.push_back(std::move(*contour.outline));
       }
       glyph.marks = std::move(glif.marks);
+      for (const GlifAnchor& anchor : glif.anchors) glyph.anchors.push_back(anchor.position);
     }
   } catch (const Malformed& error) {
     throw FontReadError(text(font.path, ": ", reader.file(), ": ", error.what()));
@@ -311,15 +312,18 @@ class Writer {
     if (!font_.folder) fail("the font was not read from a UFO");
     result_.folder = *font_.folder;
     find_changes();
-    if (changed_.empty()) return std::move(result_);
+    find_respaced();
+    if (changed_.empty() && respaced_.empty()) return std::move(result_);
     try {
       files_ = UfoReader(*font_.folder).contents();
     } catch (const Malformed& error) {
       fail(text("glyphs/contents.plist: ", error.what()));
     }
-    for (const int id : changed_) rewrite(id);
+    std::set<int> rewritten(changed_.begin(), changed_.end());
+    rewritten.insert(respaced_.begin(), respaced_.end());
+    for (const int id : rewritten) rewrite(id);
     std::sort(result_.changed_files.begin(), result_.changed_files.end());
-    for (const int id : dependents(font_, changed_)) {
+    for (const int id : dependents(font_, {rewritten.begin(), rewritten.end()})) {
       if (glyph_at(id).is_composite() && !is_decomposed(id)) result_.moved_composites.push_back(id);
     }
     warn();
@@ -357,6 +361,80 @@ class Writer {
       }
       if (is_changed) changed_.push_back(id);
       if (is_changed && is_whole) result_.decomposed.push_back(id);
+    }
+  }
+
+  /// Glyphs with another advance, with components or anchors elsewhere.
+  void find_respaced() {
+    const auto checked = [&](int id) -> const Glyph& {
+      if (id < 0 || static_cast<std::size_t>(id) >= font_.glyphs.size()) {
+        fail(text("glyph ", id, " is no glyph of the font, which has ", font_.glyphs.size()));
+      }
+      if (!glyph_at(id).trouble.empty()) fail(id, text("cannot be edited: ", glyph_at(id).trouble));
+      return glyph_at(id);
+    };
+    const auto require_near = [&](int id, double value) {
+      if (!(std::abs(value) <= max_coordinate)) fail(id, text(value, " is beyond ", max_coordinate));
+    };
+    for (const auto& [id, advance] : options_.advances) {
+      require_near(id, advance);
+      if (checked(id).advance != advance) respaced_.insert(id);
+    }
+    for (const auto& [id, shifts] : options_.component_shifts) {
+      if (shifts.size() != checked(id).components.size()) {
+        fail(id, text(shifts.size(), " shifts for its ", glyph_at(id).components.size(), " components"));
+      }
+      for (const Point& shift : shifts) {
+        require_near(id, shift.cwiseAbs().maxCoeff());
+        if (shift != Point::Zero() && !is_decomposed(id)) respaced_.insert(id);
+      }
+    }
+    for (const auto& [id, places] : options_.anchors) {
+      if (places.size() != checked(id).anchors.size()) {
+        fail(id, text(places.size(), " places for its ", glyph_at(id).anchors.size(), " anchors"));
+      }
+      for (const Point& place : places) require_near(id, place.cwiseAbs().maxCoeff());
+      if (places != glyph_at(id).anchors) respaced_.insert(id);
+    }
+  }
+
+  double wanted_advance(int id) const {
+    const auto wanted = options_.advances.find(id);
+    return wanted == options_.advances.end() ? glyph_at(id).advance : wanted->second;
+  }
+  Point wanted_shift(int id, std::size_t component) const {
+    const auto shifts = options_.component_shifts.find(id);
+    const Point& old = glyph_at(id).components[component].placement.shift;
+    return shifts == options_.component_shifts.end() ? old : Point(old + shifts->second[component]);
+  }
+
+  /// Digits of advance, offsets and anchors that are to be others.
+  void respace(int id, const Glif& glif, std::vector<Replacement>& replacements) const {
+    if (const double advance = wanted_advance(id); advance != glif.advance) {
+      if (!glif.width) fail(id, "has no width that could be another");
+      replacements.push_back({*glif.width, xml::number_text(advance)});
+    }
+    for (std::size_t k = 0; k < glif.components.size() && !is_decomposed(id); ++k) {
+      const GlifComponent& component = glif.components[k];
+      const Point shift = wanted_shift(id, k);
+      constexpr std::size_t opening = std::string_view("<component").size();
+      const std::size_t behind = component.element.begin + opening;
+      const auto put = [&](const char* name, const std::optional<Span>& span, double old, double value) {
+        if (value == old) return;
+        const std::string digits = xml::number_text(value);
+        replacements.push_back(span ? Replacement{*span, digits}
+                                    : Replacement{{behind, behind}, text(" ", name, "=\"", digits, "\"")});
+      };
+      put("xOffset", component.x_offset, component.placement.shift.x(), shift.x());
+      put("yOffset", component.y_offset, component.placement.shift.y(), shift.y());
+    }
+    if (const auto places = options_.anchors.find(id); places != options_.anchors.end()) {
+      for (std::size_t k = 0; k < glif.anchors.size(); ++k) {
+        const GlifAnchor& anchor = glif.anchors[k];
+        const Point& to = places->second[k];
+        if (anchor.position.x() != to.x()) replacements.push_back({anchor.x, xml::number_text(to.x())});
+        if (anchor.position.y() != to.y()) replacements.push_back({anchor.y, xml::number_text(to.y())});
+      }
     }
   }
 
@@ -399,7 +477,6 @@ class Writer {
       if (at > bytes.size()) fail(id, "its contours do not end as they begin");
       replacements.push_back({{at, at}, gap + out});
     }
-    std::ranges::sort(replacements, {}, [](const Replacement& r) { return r.span.begin; });
   }
 
   void rewrite(int id) {
@@ -413,7 +490,8 @@ class Writer {
       fail(id, text(file->second, " is not what the font was read from"));
     }
     std::vector<Replacement> replacements;
-    const std::vector<BezierContour>& contours = edited_.at(id);
+    const auto edited = edited_.find(id);
+    const std::vector<BezierContour>& contours = edited == edited_.end() ? glyph.contours : edited->second;
     for (std::size_t c = 0; c < outlines.size(); ++c) {
       const GlifContour& contour = *outlines[c];
       if (!is_same(*contour.outline, glyph.contours[c])) {
@@ -429,12 +507,15 @@ class Writer {
       decompose_file(id, before, glif, replacements);
       for (const GlifComponent& component : glif.components) lost_names_[id] += component.is_named ? 1 : 0;
     }
+    respace(id, glif, replacements);
+    std::ranges::stable_sort(replacements, {}, [](const Replacement& r) { return r.span.begin; });
     Bytes after = replaced(before, replacements);
     read_back(id, file->second, glif, parse_glif(after, glyph.name));
     result_.folder[file->second] = std::move(after);
     result_.changed_files.push_back(file->second);
+    if (!std::ranges::binary_search(changed_, id)) return;
     for (const std::string& key : glif.hints) stale_[key].push_back(id);
-    if (glif.has_anchors) has_anchors_.push_back(id);
+    if (!glif.anchors.empty() && !options_.anchors.contains(id)) kept_anchors_.push_back(id);
   }
 
   /// New digits where a coordinate is another one.
@@ -545,20 +626,28 @@ class Writer {
 
   void read_back(int id, const std::string& file, const Glif& before, const Glif& after) const {
     if (!after.trouble.empty()) fail(id, text(file, " does not read back: ", after.trouble));
-    const std::vector<BezierContour>& wanted = edited_.at(id);
+    const auto edited = edited_.find(id);
+    const std::vector<BezierContour>& wanted = edited == edited_.end() ? glyph_at(id).contours : edited->second;
     const std::vector<const GlifContour*> outlines = after.outlines();
     const std::size_t own = before.contours.size() + wanted.size() - before.outlines().size();
     bool is_good = outlines.size() == wanted.size() && own == after.contours.size();
     for (std::size_t c = 0; is_good && c < wanted.size(); ++c) is_good = is_same(*outlines[c]->outline, wanted[c]);
     if (!is_good) fail(id, text(file, " reads back with another outline"));
-    const std::vector<GlifComponent> parts = is_decomposed(id) ? std::vector<GlifComponent>() : before.components;
+    std::vector<GlifComponent> parts = is_decomposed(id) ? std::vector<GlifComponent>() : before.components;
+    for (std::size_t k = 0; k < parts.size(); ++k) parts[k].placement.shift = wanted_shift(id, k);
     const bool has_same_parts = std::equal(parts.begin(), parts.end(), after.components.begin(), after.components.end(),
                                            [](const GlifComponent& a, const GlifComponent& b) {
                                              return a.base == b.base && a.placement.linear == b.placement.linear &&
                                                     a.placement.shift == b.placement.shift;
                                            });
-    if (!has_same_parts || before.advance != after.advance || before.unicodes != after.unicodes) {
+    if (!has_same_parts || wanted_advance(id) != after.advance || before.unicodes != after.unicodes) {
       fail(id, text(file, " reads back with another advance, character or component"));
+    }
+    std::vector<Point> anchors;
+    for (const GlifAnchor& anchor : after.anchors) anchors.push_back(anchor.position);
+    const auto places = options_.anchors.find(id);
+    if (anchors != (places == options_.anchors.end() ? glyph_at(id).anchors : places->second)) {
+      fail(id, text(file, " reads back with other anchors"));
     }
   }
 
@@ -576,8 +665,8 @@ class Writer {
       result_.warnings.push_back(
           text(key, ": kept, though the outline is another one now: stale in ", list_names(glyphs)));
     }
-    if (!has_anchors_.empty())
-      result_.warnings.push_back(text("anchors: kept where they were in ", list_names(has_anchors_)));
+    if (!kept_anchors_.empty())
+      result_.warnings.push_back(text("anchors: kept where they were in ", list_names(kept_anchors_)));
     for (const auto& [id, count] : lost_names_) {
       if (count == 0) continue;
       result_.warnings.push_back(
@@ -591,7 +680,8 @@ class Writer {
   std::vector<int> changed_;
   std::map<std::string, std::string> files_;
   std::map<std::string, std::vector<int>> stale_;  // by key of the lib
-  std::vector<int> has_anchors_;
+  std::set<int> respaced_;
+  std::vector<int> kept_anchors_;
   std::map<int, int> lost_names_;
   WrittenUfo result_;
 };

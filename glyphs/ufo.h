@@ -40,7 +40,8 @@ struct WrittenUfo {
 /// keep their elements and new ones are laid out like them; which stayed is told by the options' origins, else by their
 /// places. A composite that may be decomposed becomes contours, in the place of its components, which go; else its own
 /// contours are edited, if it has any, and its components stay. Hints are kept: their id no longer matches the outline,
-/// by which they are known as stale. With nothing edited every file is bit for bit the same. The result has been read
+/// by which they are known as stale. Advances, offsets of components and anchors are others where the options say so;
+/// there too only digits change. With nothing edited every file is bit for bit the same. The result has been read
 /// again and compared before it is returned.
 ///
 /// Throws  FontWriteError: not a UFO, another number of contours, a glyph in trouble or without outline of its own, an

@@ -5,12 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <numbers>
 
-#include "fontcore/crossing.h"
-#include "fontcore/ink.h"
 #include "fontcore/measure.h"
-#include "fontcore/rounding.h"
 #include "glyphs/error.h"
 #include "glyphs/json_reader.h"
 #include "latin_prior.h"
@@ -80,81 +76,66 @@ Json list_json(const Nested& list) {
   }
 }
 
-// Every key once, no other, each of its kind.
-class Reader {
- public:
-  Reader(const Json& object, std::string where, std::initializer_list<const char*> keys)
-      : object_(object), where_(std::move(where)) {
-    if (!object.is_object()) fail("an object is expected");
-    for (const auto& [key, value] : object.items()) {
-      if (std::ranges::none_of(keys, [&, &k = key](const char* known) { return k == known; })) fail(key + ": unknown");
-    }
-    for (const char* key : keys) {
-      if (!object.contains(key)) fail(std::string(key) + ": missing");
-    }
+// A finite number, of a size that no model has.
+double sized(const ObjectReader& reader, const std::string& key, const Json& value) {
+  if (!value.is_number() || !std::isfinite(value.get<double>()) || std::abs(value.get<double>()) > 1e6) {
+    reader.fail(key, "must be a number of at most a million");
   }
-  const Json& at(const char* key) const { return object_.at(key); }
-  std::string where(const char* key) const { return where_ + ": " + key; }
-  double number(const char* key) const { return number_of(at(key), where(key)); }
-  const Json& list(const char* key) const {
-    if (!at(key).is_array()) throw RequestError(where(key) + ": a list is expected");
-    return at(key);
-  }
-  template <typename Nested>
-  void fill(const char* key, Nested& nested) const {
-    fill(at(key), where(key), nested);
-  }
-  static double number_of(const Json& value, const std::string& where) {
-    if (!value.is_number() || !std::isfinite(value.get<double>()) || std::abs(value.get<double>()) > 1e6) {
-      throw RequestError(where + ": a number of at most a million is expected");
-    }
-    return value.get<double>();
-  }
+  return value.get<double>();
+}
+double take_sized(ObjectReader& reader, const std::string& key) { return sized(reader, key, reader.take(key)); }
 
- private:
-  [[noreturn]] void fail(const std::string& why) const { throw RequestError(where_ + ": " + why); }
-  template <typename Nested>
-  static void fill(const Json& value, const std::string& where, Nested& nested) {
-    if constexpr (std::is_arithmetic_v<Nested>) {
-      nested = number_of(value, where);
-    } else {
-      if (!value.is_array() || value.size() != nested.size()) {
-        throw RequestError(text(where, ": a list of ", nested.size(), " is expected"));
-      }
-      for (std::size_t i = 0; i < nested.size(); ++i) fill(value[i], text(where, " ", i), nested[i]);
+template <typename Nested>
+void fill(const ObjectReader& reader, const std::string& key, const Json& value, Nested& nested) {
+  if constexpr (std::is_arithmetic_v<Nested>) {
+    nested = sized(reader, key, value);
+  } else {
+    if (!value.is_array() || value.size() != nested.size()) {
+      reader.fail(key, text("must be a list of ", nested.size()));
     }
+    for (std::size_t i = 0; i < nested.size(); ++i) fill(reader, text(key, "[", i, "]"), value[i], nested[i]);
   }
+}
+template <typename Nested>
+void take_nested(ObjectReader& reader, const std::string& key, Nested& nested) {
+  fill(reader, key, reader.take(key), nested);
+}
 
-  const Json& object_;
-  std::string where_;
-};
+const Json& take_list(ObjectReader& reader, const std::string& key) {
+  const Json& value = reader.take(key);
+  if (!value.is_array()) reader.fail(key, "must be a list");
+  return value;
+}
 
-WeightModel::Stroke read_stroke(const Json& json, const std::string& where) {
-  const Reader reader(json, where, {"thickness", "growth"});
-  const WeightModel::Stroke stroke{reader.number("thickness"), reader.number("growth")};
-  if (!(stroke.thickness > 0.0)) throw RequestError(where + ": thickness: it must be positive");
+WeightModel::Stroke take_stroke(ObjectReader& letters, const std::string& key) {
+  ObjectReader reader(letters.take(key), letters.where(key));
+  const WeightModel::Stroke stroke{take_sized(reader, "thickness"), take_sized(reader, "growth")};
+  if (!(stroke.thickness > 0.0)) reader.fail("thickness", "must be positive");
+  reader.finish();
   return stroke;
 }
 
-std::vector<WeightModel::Zone> read_zones(const Reader& reader, const char* key) {
+std::vector<WeightModel::Zone> take_zones(ObjectReader& model, const std::string& key) {
   std::vector<WeightModel::Zone> zones;
-  for (const Json& item : reader.list(key)) {
-    const Reader zone(item, text(reader.where(key), " ", zones.size()), {"height", "shift"});
-    zones.push_back({zone.number("height"), zone.number("shift")});
+  for (const Json& item : take_list(model, key)) {
+    ObjectReader zone(item, model.where(text(key, "[", zones.size(), "]")));
+    zones.push_back({take_sized(zone, "height"), take_sized(zone, "shift")});
+    zone.finish();
     if (zones.size() > 1 && zones[zones.size() - 2].height >= zones.back().height) {
-      throw RequestError(reader.where(key) + ": heights must rise");
+      model.fail(key, "heights must rise");
     }
   }
   return zones;
 }
 
 // How much wider letters grow, by name.
-std::map<std::string, double> read_letters(const Reader& reader, const char* key) {
+std::map<std::string, double> take_letters(ObjectReader& reader, const std::string& key) {
   std::map<std::string, double> letters;
-  if (!reader.at(key).is_object()) throw RequestError(reader.where(key) + ": an object is expected");
-  for (const auto& [name, value] : reader.at(key).items()) {
-    letters[name] = Reader::number_of(value, reader.where(key) + ": " + name);
-    if (std::abs(letters[name]) > 3.0) throw RequestError(reader.where(key) + ": " + name + ": at most 3 is expected");
+  const Json& object = reader.take(key);
+  if (!object.is_object()) reader.fail(key, "must be an object");
+  for (const auto& [name, value] : object.items()) {
+    letters[name] = sized(reader, key + "." + name, value);
+    if (std::abs(letters[name]) > 3.0) reader.fail(key + "." + name, "must be at most 3");
   }
   return letters;
 }
@@ -193,21 +174,6 @@ Contours shifted(const Contours& contours, double dx) {
   return result;
 }
 
-Contours in_whole_numbers(const Contours& wished, const Contours& original, double italic_angle) {
-  double scale = 0.0;
-  for (const BezierContour& contour : wished) scale += std::abs(signed_area(contour));
-  std::vector<fontcore::Unrounded> unrounded;
-  for (std::size_t k = 0; k < wished.size(); ++k) {
-    fontcore::OutlineRules rules;
-    rules.frame.italic_angle = italic_angle;
-    unrounded.push_back(
-        {wished[k], original[k], rules, {.area = signed_area(wished[k]), .scale = scale, .handles = {}}});
-  }
-  Contours result;
-  for (fontcore::Rounding& rounding : round_keeping_area(unrounded)) result.push_back(std::move(rounding.contour));
-  return result;
-}
-
 }  // namespace
 
 LetterClass letter_class_of(const Font& font, int glyph) {
@@ -224,11 +190,13 @@ LetterClass letter_class_of(const Font& font, int glyph) {
   return own.high.y() <= 1.1 * small.high.y() ? LetterClass::LowerCase : LetterClass::Capital;
 }
 
-WeightModel learn_weight(const Font& from, const Font& to, const std::string& controls) {
+namespace {
+
+std::vector<fontcore::WeightPair> pairs_of(const Font& from, const Font& to, const std::string& letters) {
   std::vector<fontcore::WeightPair> pairs;
   fontcore::Affine to_units;
   to_units.linear *= static_cast<double>(from.units_per_em) / to.units_per_em;
-  for (const std::string& letter : split(controls)) {
+  for (const std::string& letter : split(letters)) {
     const int a = control_glyph(from, letter);
     const int b = control_glyph(to, letter);
     fontcore::WeightPair pair;
@@ -240,6 +208,13 @@ WeightModel learn_weight(const Font& from, const Font& to, const std::string& co
     pair.to_advance = to_units.linear(0, 0) * to.glyphs[static_cast<std::size_t>(b)].advance;
     pairs.push_back(std::move(pair));
   }
+  return pairs;
+}
+
+}  // namespace
+
+WeightModel learn_weight(const Font& from, const Font& to, const std::string& controls) {
+  const std::vector<fontcore::WeightPair> pairs = pairs_of(from, to, controls);
   if (pairs.empty()) throw RequestError("--control: letters are expected: n,o,H,O");
   return fontcore::learn_weight(pairs, from.units_per_em);
 }
@@ -281,62 +256,80 @@ std::string weight_json(const WeightModel& model) {
   return json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
-WeightModel parse_weight(const std::string& source, const std::string& name) {
-  const Json json = naming_file(name, source, parse_json);
-  const Reader reader(json, name,
-                      {"format", "version", "unit", "directions", "thicknesses", "widths", class_names[0],
-                       class_names[1], "top", "bottom", "widening", "controls"});
-  if (reader.at("format") != format_name || reader.at("version") != 1 || reader.at("unit") != "em/1000") {
-    throw RequestError(name + ": no weight model of this version");
+namespace {
+
+WeightModel read_weight(const std::string& source) {
+  const Json json = parse_json(source);
+  ObjectReader reader(json, "");
+  if (reader.take("format") != format_name || reader.take("version") != 1 || reader.take("unit") != "em/1000") {
+    reader.fail("format", "no weight model of this version");
   }
   const auto expect = [&](const char* key, const auto& nodes) {
     auto given = nodes;
-    reader.fill(key, given);
-    if (given != nodes) throw RequestError(reader.where(key) + ": other places than those of this version");
+    take_nested(reader, key, given);
+    if (given != nodes) reader.fail(key, "must be the places of this version");
   };
   expect("directions", WeightModel::directions);
   expect("thicknesses", WeightModel::thicknesses);
   expect("widths", WeightModel::widths);
   WeightModel model;
   for (std::size_t c = 0; c < 2; ++c) {
-    const Reader own(reader.at(class_names[c]), reader.where(class_names[c]),
-                     {"upright", "level", "counter", "counter_growth", "counter_slope", "spread", "serif", "room",
-                      "left_side", "right_side", "correction", "deviation", "counter_correction"});
+    ObjectReader own(reader.take(class_names[c]), class_names[c]);
     WeightModel::Letters& letters = model.letters[c];
-    letters.upright = read_stroke(own.at("upright"), own.where("upright"));
-    letters.level = read_stroke(own.at("level"), own.where("level"));
-    letters.counter = own.number("counter");
-    letters.counter_growth = own.number("counter_growth");
-    letters.counter_slope = own.number("counter_slope");
-    letters.spread = own.number("spread");
-    letters.serif = own.number("serif");
-    letters.room = own.number("room");
-    letters.left_side = own.number("left_side");
-    letters.right_side = own.number("right_side");
-    own.fill("correction", letters.correction);
-    own.fill("deviation", letters.deviation);
-    own.fill("counter_correction", letters.counter_correction);
+    letters.upright = take_stroke(own, "upright");
+    letters.level = take_stroke(own, "level");
+    letters.counter = take_sized(own, "counter");
+    letters.counter_growth = take_sized(own, "counter_growth");
+    letters.counter_slope = take_sized(own, "counter_slope");
+    letters.spread = take_sized(own, "spread");
+    letters.serif = take_sized(own, "serif");
+    letters.room = take_sized(own, "room");
+    letters.left_side = take_sized(own, "left_side");
+    letters.right_side = take_sized(own, "right_side");
+    take_nested(own, "correction", letters.correction);
+    take_nested(own, "deviation", letters.deviation);
+    take_nested(own, "counter_correction", letters.counter_correction);
+    own.finish();
   }
-  model.top = read_zones(reader, "top");
-  model.bottom = read_zones(reader, "bottom");
-  model.widening = read_letters(reader, "widening");
-  for (const Json& item : reader.list("controls")) {
-    const Reader control(item, text(reader.where("controls"), " ", model.controls.size()),
-                         {"name", "used", "thickness_error", "width_error"});
-    if (!control.at("name").is_string()) throw RequestError(control.where("name") + ": a text is expected");
-    if (!control.at("used").is_boolean()) throw RequestError(control.where("used") + ": true or false is expected");
-    model.controls.push_back({control.at("name").get<std::string>(), control.number("thickness_error"),
-                              control.number("width_error"), control.at("used").get<bool>()});
+  model.top = take_zones(reader, "top");
+  model.bottom = take_zones(reader, "bottom");
+  model.widening = take_letters(reader, "widening");
+  for (const Json& item : take_list(reader, "controls")) {
+    ObjectReader control(item, text("controls[", model.controls.size(), "]"));
+    WeightModel::Control& read = model.controls.emplace_back();
+    if (!control.has("name")) control.fail("name", "is missing");
+    read.name = control.take_text("name", "");
+    if (!control.has("used")) control.fail("used", "is missing");
+    read.used = control.take_flag("used", true);
+    read.thickness_error = take_sized(control, "thickness_error");
+    read.width_error = take_sized(control, "width_error");
+    control.finish();
   }
+  reader.finish();
   return model;
 }
 
-int ReweightResult::changed() const {
-  return static_cast<int>(std::ranges::count_if(glyphs, &ReweightedGlyph::changed));
+WeightPrior read_prior(const std::string& source) {
+  const Json json = parse_json(source);
+  ObjectReader reader(json, "");
+  if (reader.take("format") != prior_name || reader.take("version") != 1) {
+    reader.fail("format", "no weight prior of this version");
+  }
+  WeightPrior prior;
+  for (const Json& family : take_list(reader, "families")) {
+    if (!family.is_string()) reader.fail("families", "must be strings");
+    prior.families.push_back(family.get<std::string>());
+  }
+  prior.even = take_letters(reader, "even");
+  prior.contrasted = take_letters(reader, "contrasted");
+  reader.finish();
+  return prior;
 }
 
-int ReweightResult::refused() const {
-  return static_cast<int>(std::ranges::count_if(glyphs, [](const ReweightedGlyph& g) { return !g.refused.empty(); }));
+}  // namespace
+
+WeightModel parse_weight(const std::string& source, const std::string& name) {
+  return naming_file(name, source, read_weight);
 }
 
 namespace {
@@ -417,19 +410,7 @@ std::string prior_json(const WeightPrior& prior) {
 }
 
 WeightPrior parse_prior(const std::string& source, const std::string& name) {
-  const Json json = naming_file(name, source, parse_json);
-  const Reader reader(json, name, {"format", "version", "families", "even", "contrasted"});
-  if (reader.at("format") != prior_name || reader.at("version") != 1) {
-    throw RequestError(name + ": no weight prior of this version");
-  }
-  WeightPrior prior;
-  for (const Json& family : reader.list("families")) {
-    if (!family.is_string()) throw RequestError(reader.where("families") + ": texts are expected");
-    prior.families.push_back(family.get<std::string>());
-  }
-  prior.even = read_letters(reader, "even");
-  prior.contrasted = read_letters(reader, "contrasted");
-  return prior;
+  return naming_file(name, source, read_prior);
 }
 
 WeightPrior latin_prior() { return parse_prior(latin_prior_json, "latin.json"); }
@@ -441,120 +422,79 @@ void take_prior(WeightModel& model, const WeightPrior& prior) {
   }
 }
 
-Contours reweight_glyph(const Font& font, int id, const WeightModel& model, const ReweightOptions& options,
-                        ReweightedGlyph& report) {
-  const Glyph& glyph = font.glyphs.at(static_cast<std::size_t>(id));
-  report.glyph = id;
-  report.name = glyph.name;
-  const Contours& outline = glyph.contours;
+namespace {
+
+constexpr double least_amount = -1.0;
+constexpr double most_amount = 2.0;
+
+double checked(const char* option, double amount) {
+  if (amount >= least_amount && amount <= most_amount) return amount;
+  throw RequestError(text(option, " ", amount, ": it goes from -1 to 2"));
+}
+
+// What a font has of letters that are looked at, of one class.
+std::vector<Contours> drawn_letters(const Font& font, const std::string& letters) {
+  std::vector<Contours> drawn;
+  for (const std::string& letter : split(letters)) drawn.push_back(compose(font, control_glyph(font, letter)));
+  return drawn;
+}
+
+}  // namespace
+
+fontcore::WeightAmounts amounts_in(const Font& font, const WeightModel& model, const WeightStrength& strength) {
+  fontcore::WeightAmounts amounts;
+  amounts.x = strength.x ? checked("--amount-x", *strength.x) : checked("--amount", strength.amount);
+  amounts.y = strength.y ? checked("--amount-y", *strength.y) : checked("--amount", strength.amount);
+  if (strength.stems.upright || strength.stems.level) {
+    try {
+      const fontcore::WeightAmounts found = amounts_for_stems(drawn_letters(font, "n,o"), LetterClass::LowerCase, model,
+                                                              font.units_per_em, strength.stems);
+      amounts.x = found.x;
+      amounts.y = found.y;
+    } catch (const fontcore::InvalidInput& error) {
+      throw RequestError(font.path + ": stems of n and o: " + error.what());
+    }
+  }
+  if (strength.thin) amounts.thin = checked("--amount-thin", *strength.thin);
+  if (strength.serif) amounts.serif = checked("--amount-serif", *strength.serif);
+  return amounts;
+}
+
+WeightModel carry_weight(const Font& font, const WeightModel& model, const Font* drawn) {
+  constexpr const char* drawn_letters = "n,o";
+  constexpr const char* others = "H,O";
+  std::vector<fontcore::WeightPair> letters = pairs_of(font, drawn != nullptr ? *drawn : font, drawn_letters);
+  for (fontcore::WeightPair& letter : pairs_of(font, font, others)) {
+    letter.to.clear();
+    letters.push_back(std::move(letter));
+  }
+  if (drawn == nullptr) {
+    for (fontcore::WeightPair& letter : letters) letter.to.clear();
+  }
   try {
-    if (!glyph.trouble.empty()) {
-      report.refused = glyph.trouble;
-      return outline;
-    }
-    report.area_before = report.area_after = signed_area(outline);
-    if (outline.empty() || options.amount == 0.0) return outline;
-    const auto before = find_crossings(outline);
-    const fontcore::Ink ink = measure_ink(outline, before);
-    report.crossings_before = report.crossings_after = static_cast<int>(before.size());
-    const double italic_angle = options.italic_angle * std::numbers::pi / 180.0;
-    const LetterClass letter_class = letter_class_of(font, id);
-    const double widening = widening_of(font, id, model);
-    // Whole numbers may add what the step itself did not: less of it then.
-    for (const double share : {1.0, 0.98, 0.95, 0.9, 0.8, 0.65, 0.5}) {
-      const fontcore::Weighted weighted =
-          apply_weight(outline, letter_class, model, font.units_per_em,
-                       {.amount = share * options.amount, .widening = widening, .italic_angle = italic_angle});
-      if (weighted.amount == 0.0) break;
-      const fontcore::Box old = box_of(outline);
-      const fontcore::Box box = box_of(weighted.contours);
-      // The advance stays: what is wider stands in the middle of where it stood.
-      const double dx = 0.5 * (old.low.x() + old.high.x() - box.low.x() - box.high.x());
-      Contours rounded = in_whole_numbers(shifted(weighted.contours, dx), outline, italic_angle);
-      const auto after = find_crossings(rounded);
-      if (added_crossings(before, after) > 0) continue;
-      const fontcore::Ink now = measure_ink(rounded, after);
-      if (!closed_counters(ink, now).empty()) continue;
-      if (options.amount > 0.0 ? now.area < ink.area : now.area > ink.area) continue;
-      report.changed = rounded != outline;
-      report.amount = weighted.amount;
-      report.held_segments = weighted.held_segments;
-      report.crossings_after = static_cast<int>(after.size());
-      report.area_after = signed_area(rounded);
-      return rounded;
-    }
-    report.refused = "any of the step adds a crossing, closes a counter or changes the ink against its sign";
-  } catch (const fontcore::Error& error) {
-    report.refused = error.what();
-  } catch (const FontReadError& error) {
-    report.refused = error.what();
+    return fontcore::carry_weight(model, letters, font.units_per_em);
+  } catch (const fontcore::InvalidInput& error) {
+    throw RequestError(font.path + ": n, o, H and O: " + error.what());
   }
-  return outline;
 }
 
-ReweightResult reweight(const Font& font, const WeightModel& model, const ReweightOptions& options) {
-  kind_of(font);
-  if (!(options.amount >= -1.0 && options.amount <= 2.0)) {
-    throw RequestError(text("--amount ", options.amount, ": it goes from -1 to 2"));
-  }
-  if (options.amount != 0.0) refuse_at_fault(font);
-  std::vector<int> selected;
-  for (const Glyph& glyph : font.glyphs) {
-    if (options.only && !std::ranges::binary_search(*options.only, glyph.id)) continue;
-    if (!glyph.contours.empty() || !glyph.trouble.empty()) selected.push_back(glyph.id);
-  }
-  std::vector<Contours> outlines(selected.size());
-  ReweightResult result;
-  result.glyphs.resize(selected.size());
-  run_jobs(static_cast<int>(selected.size()), options.jobs, [&](int i) {
-    const auto k = static_cast<std::size_t>(i);
-    outlines[k] = reweight_glyph(font, selected[k], model, options, result.glyphs[k]);
-  });
-  EditedGlyphs edited;
-  for (std::size_t k = 0; k < selected.size(); ++k) {
-    if (result.glyphs[k].changed) edited.emplace(selected[k], std::move(outlines[k]));
-  }
-  result.font = write_font(font, edited, {.is_checked = options.amount != 0.0});
-  for (ReweightedGlyph& report : result.glyphs) {
-    if (const auto emptied = result.font.emptied.find(report.glyph); emptied != result.font.emptied.end())
-      report.refused = text("comes out empty: ", emptied->second);
-    if (std::ranges::binary_search(result.font.dropped_instructions, report.glyph))
-      report.dropped.emplace_back("instructions: they were made for the points that were");
-    if (std::ranges::binary_search(result.font.dropped_hints, report.glyph))
-      report.dropped.emplace_back("hints: they were made for the points that were");
-  }
-  return result;
+bool is_nothing(const fontcore::WeightAmounts& amounts) {
+  return amounts.x == 0.0 && amounts.y == 0.0 && amounts.thin.value_or(0.0) == 0.0 &&
+         amounts.serif.value_or(0.0) == 0.0;
 }
 
-std::string reweight_json(const Font& font, const ReweightOptions& options, const ReweightResult& result) {
-  const auto names = [&](const std::vector<int>& ids) { return glyph_names(font, ids); };
-  Json json = {{"version", 1},
-               {"unitsPerEm", font.units_per_em},
-               {"amount", options.amount},
-               {"changed", result.changed()},
-               {"refused", result.refused()},
-               {"changed_tables", result.font.changed_tables},
-               {"dropped_tables", result.font.dropped_tables},
-               {"moved_composites", names(result.font.moved_composites)},
-               {"dropped_instructions", names(result.font.dropped_instructions)},
-               {"dropped_hints", names(result.font.dropped_hints)},
-               {"warnings", result.font.warnings},
-               {"glyphs", Json::array()}};
-  for (const ReweightedGlyph& report : result.glyphs) {
-    Json glyph = {{"name", report.name},
-                  {"glyph", report.glyph},
-                  {"changed", report.changed},
-                  {"amount", report.amount},
-                  {"area_before", report.area_before},
-                  {"area_after", report.area_after},
-                  {"crossings_before", report.crossings_before},
-                  {"crossings_after", report.crossings_after},
-                  {"held_segments", report.held_segments},
-                  {"dropped", report.dropped}};
-    if (!report.refused.empty()) glyph["refused"] = report.refused;
-    json["glyphs"].push_back(std::move(glyph));
-  }
-  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+fontcore::Weighted apply_weight(const Font& font, int glyph, const Contours& contours, const WeightModel& model,
+                                const fontcore::WeightAmounts& amounts, const GlyphWeight& options) {
+  fontcore::Weighted weighted = apply_weight(contours, letter_class_of(font, glyph), model, font.units_per_em,
+                                             {.amount = options.share,
+                                              .amounts = amounts,
+                                              .widening = widening_of(font, glyph, model),
+                                              .italic_angle = options.italic_angle});
+  if (weighted.amount == 0.0) return weighted;
+  const fontcore::Box old = box_of(contours);
+  const fontcore::Box box = box_of(weighted.contours);
+  weighted.contours = shifted(weighted.contours, 0.5 * (old.low.x() + old.high.x() - box.low.x() - box.high.x()));
+  return weighted;
 }
 
 }  // namespace glyphs

@@ -6,8 +6,7 @@
 #include <vector>
 
 #include "fontcore/weight.h"
-#include "glyphs/font_file.h"
-#include "glyphs/jobs.h"
+#include "glyphs/font.h"
 
 namespace glyphs {
 
@@ -54,51 +53,46 @@ void take_prior(fontcore::WeightModel& model, const WeightPrior& prior);
 /// lists by direction, straight strokes before round ones. Same model, same bytes.
 std::string weight_json(const fontcore::WeightModel& model);
 /// Throws  RequestError, one line naming file and key, on JSON that does not parse, a key missing or unknown, a value
-/// of
-///         the wrong type or shape, a number that is not finite.
+///         of the wrong type or shape, a number that is not finite.
 fontcore::WeightModel parse_weight(const std::string& json, const std::string& name);
 
-struct ReweightOptions {
-  double amount = 1.0;                   ///< of the learnt step, -1 to 2
-  double italic_angle = 0.0;             ///< degrees leaning right
-  std::optional<std::vector<int>> only;  ///< glyph ids, sorted; none: all with outlines of their own
-  JobOptions jobs;
+/// How much of a learnt step is taken: shares from -1, as much lighter, to 2; 0 changes nothing.
+struct WeightStrength {
+  double amount = 1.0;
+  std::optional<double> x;      ///< of upright strokes, widths and sides; not given: the amount
+  std::optional<double> y;      ///< of level strokes and heights; not given: the amount
+  std::optional<double> thin;   ///< of thin strokes of a contrasted face; not given: by their direction
+  std::optional<double> serif;  ///< of serifs; not given: as other strokes
+  /// How thick stems and bars of the font's n and o are to be, in place of x and y; font units.
+  fontcore::StemWidths stems;
 };
 
-/// What became of one glyph.
-struct ReweightedGlyph {
-  int glyph = 0;
-  std::string name;
-  std::string refused;  ///< why the glyph stays as it was; empty otherwise
-  bool changed = false;
-  double amount = 0.0;  ///< applied
-  double area_before = 0.0;
-  double area_after = 0.0;
-  int crossings_before = 0;
-  int crossings_after = 0;
-  int held_segments = 0;             ///< kept from folding over
-  std::vector<std::string> dropped;  ///< instructions or hints, and why
-};
-
-struct ReweightResult {
-  WrittenFont font;
-  std::vector<ReweightedGlyph> glyphs;  ///< by id
-  int changed() const;
-  int refused() const;
-};
-
-/// A glyph's contours in another weight, in whole numbers, with its advance kept: what is wider stands in the middle of
-/// where it stood. The input's own at amount 0.
-std::vector<fontcore::BezierContour> reweight_glyph(const Font& font, int glyph, const fontcore::WeightModel& model,
-                                                    const ReweightOptions& options, ReweightedGlyph& report);
-
-/// A font in another weight, every selected glyph on its own; composites follow their parts, advances stay. At amount 0
-/// the file itself comes back, bit for bit.
+/// The amounts that a strength means in a font.
 ///
-/// Throws  RequestError as `kind_of` does, or if the amount is not in [-1, 2]; FontWriteError as the writers do.
-ReweightResult reweight(const Font& font, const fontcore::WeightModel& model, const ReweightOptions& options = {});
+/// Throws  RequestError if one is not in [-1, 2], or if stems are wished that the step cannot give, or that the font
+///         has no n and o to tell from.
+fontcore::WeightAmounts amounts_in(const Font& font, const fontcore::WeightModel& model,
+                                   const WeightStrength& strength);
 
-/// The report as JSON text; same result, same bytes.
-std::string reweight_json(const Font& font, const ReweightOptions& options, const ReweightResult& result);
+/// A model learnt on one family as another takes it, the font's: with heights and counters of its n, o, H and O, and
+/// strokes in proportion to theirs. With a font that has its n and o in the weight wanted, `drawn`, the step is the one
+/// that they show.
+///
+/// Throws  RequestError naming one of these letters that a font lacks, or that has no outline.
+fontcore::WeightModel carry_weight(const Font& font, const fontcore::WeightModel& model, const Font* drawn = nullptr);
+
+/// True if nothing is taken of a step.
+bool is_nothing(const fontcore::WeightAmounts& amounts);
+
+struct GlyphWeight {
+  double share = 1.0;         ///< of the amounts
+  double italic_angle = 0.0;  ///< radians leaning right
+};
+
+/// Contours of a glyph, its own or what became of them, in another weight, not rounded; the middle of their ink stays
+/// where it was. Throws  as `fontcore::apply_weight`.
+fontcore::Weighted apply_weight(const Font& font, int glyph, const std::vector<fontcore::BezierContour>& contours,
+                                const fontcore::WeightModel& model, const fontcore::WeightAmounts& amounts,
+                                const GlyphWeight& options = {});
 
 }  // namespace glyphs

@@ -82,7 +82,6 @@ struct Options {
   commands::SimplifyRequest simplify;
   commands::LearnWeightRequest learn_weight;
   commands::ApplyWeightRequest apply_weight;
-  std::string advance;
   commands::ConvertRequest convert;
   commands::ProofRequest proof;
   commands::ExtractRequest extract;
@@ -265,16 +264,35 @@ constexpr std::array<Command, 12> table{{
      [](CLI::App& app, Options& options) {
        app.add_option("MODEL", options.apply_weight.model, "what weight learn has written")->required();
        add_output(app, options, "the new font, .ttf, .otf or .ufo as FONT; may be FONT itself")->required();
-       app.add_option("--amount", options.apply_weight.amount,
-                      "of the step, -1 to 2; 1 unless given, 0 changes nothing");
+       glyphs::WeightStrength& strength = options.apply_weight.strength;
+       app.add_option("--amount", strength.amount, "of the step, -1 to 2; 1 unless given, 0 changes nothing");
+       app.add_option("--amount-x", strength.x, "of upright strokes and widths, instead of the amount");
+       app.add_option("--amount-y", strength.y, "of level strokes and heights, instead of the amount");
+       app.add_option("--amount-thin", strength.thin, "of thin strokes of a contrasted face");
+       app.add_option("--amount-serif", strength.serif, "of serifs");
+       app.add_option("--stem-x", strength.stems.upright, "how thick the stem of n is to be, font units");
+       app.add_option("--stem-y", strength.stems.level, "how thick the top and bottom of o are to be, font units");
+       app.add_flag("--carry", options.apply_weight.carries,
+                    "FONT is of another family than the model: heights and counters are its own");
+       app.add_option("--fit-amount", options.apply_weight.fit_to,
+                      "a font of FONT's family with n and o in the weight wanted: carries, and fits the step to them");
        app.add_option("--italic-angle", options.apply_weight.italic_angle,
                       "what vertical means, degrees leaning right");
-       app.add_option("--advance", options.advance, "keep: advances stay");
+       app.add_option("--advance", options.apply_weight.advance,
+                      "keep: advances stay; sidebearings: these stay; scale: all advances times one ratio; learnt: "
+                      "sidebearings grow as those of the control letters");
+       app.add_option("--emit", options.apply_weight.emission,
+                      "structure: every glyph's own points; compact: the fewest segments");
+       app.add_option("--tolerance", options.apply_weight.tolerance,
+                      "deviation allowed to compact emission, font units; 0.5 unless given");
        app.add_option("--report", options.apply_weight.report, "what became of every glyph, JSON");
+       app.add_option("--proof", options.apply_weight.proof,
+                      "changed glyphs before and after, .png, .pdf or .svg; with --against beside the drawn ones");
+       app.add_option("--against", options.apply_weight.against,
+                      "a font where the weight is drawn: how far each glyph is from it, worst first");
        app.add_flag("--strict", options.apply_weight.strict, "any refused glyph: exit status 1 and no output");
      },
      [](const Options& options) {
-       if (!options.advance.empty() && options.advance != "keep") refuse("weight apply --advance " + options.advance);
        commands::ApplyWeightRequest apply = options.apply_weight;
        apply.output = options.output;
        return commands::apply_weight(options.request, apply);

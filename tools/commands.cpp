@@ -13,13 +13,15 @@
 #include "glyphs/family.h"
 #include "glyphs/font_file.h"
 #include "glyphs/inspect.h"
+#include "glyphs/json_reader.h"
 #include "glyphs/proof.h"
 #include "glyphs/recipe.h"
 #include "glyphs/restyle.h"
+#include "glyphs/reweight.h"
 #include "glyphs/safe_file.h"
 #include "glyphs/simplify.h"
 #include "glyphs/ufo.h"
-#include "glyphs/weight.h"
+#include "glyphs/weight_proof.h"
 
 namespace commands {
 
@@ -259,6 +261,8 @@ std::string summary(const Request& request, const RestyleRequest& restyle, const
     out += what_was_added(result.size) + "\n";
   }
   out += what_changed(font, result.font);
+  if (!result.spacing.advances.empty())
+    out += text("advances changed: ", result.spacing.advances.size(), " of ", font.glyphs.size(), "\n");
   if (!result.font.dropped_instructions.empty() || !result.font.moved_composites.empty())
     out += text("instructions dropped from ", count(result.font.dropped_instructions.size(), "glyph"),
                 "; box moved of ", count(result.font.moved_composites.size(), "composite"), "\n");
@@ -632,6 +636,62 @@ Outcome simplify(const Request& request, const SimplifyRequest& simplify) {
   return {request.quiet ? "" : simplify_summary(request, simplify, font, result), "", 0};
 }
 
+namespace {
+
+// In what a person would look for in vain: letters that the model does not follow.
+std::vector<std::string> learning_warnings(const fontcore::WeightModel& model) {
+  using Control = fontcore::WeightModel::Control;
+  constexpr double seen_in_strokes = 0.25;  // of the step: what a reader sees between strokes of one letter
+  constexpr double seen_in_width = 1.0;     // of the step
+  constexpr double no_step = 1.0;           // thousandths of the em
+  std::vector<std::string> warnings;
+  double step = 0.0;
+  for (const auto& letters : model.letters)
+    step = std::max({step, std::abs(letters.upright.growth), std::abs(letters.level.growth)});
+  if (step < no_step) {
+    return {"the letters are as heavy in one font as in the other: there is nothing to learn"};
+  }
+  for (const Control& control : model.controls) {
+    if (!control.used) {
+      warnings.push_back(control.name +
+                         " is left out: its contours in the two fonts do not pair up; is it drawn in both?");
+    } else if (control.thickness_error > seen_in_strokes * step) {
+      warnings.push_back(control.name + " contradicts the others: its strokes grow otherwise, by " +
+                         rounded(control.thickness_error, 2) + " of " + rounded(step, 2));
+    } else if (std::abs(control.width_error) > seen_in_width * step) {
+      warnings.push_back(control.name +
+                         (control.width_error > 0.0 ? " would come out wider than it is drawn, by "
+                                                    : " would come out narrower than it is drawn, by ") +
+                         rounded(std::abs(control.width_error), 2));
+    }
+  }
+  const auto& [small, large] = model.letters;
+  if (small.upright.thickness == large.upright.thickness && small.level.thickness == large.level.thickness)
+    warnings.emplace_back("the letters are all of the lower case, or all capitals: the others are taken to grow alike");
+  return warnings;
+}
+
+std::string learn_summary(const fontcore::WeightModel& model) {
+  std::string out = "in thousandths of the em\n";
+  const auto stroke = [](const fontcore::WeightModel::Stroke& one) {
+    return rounded(one.thickness, 3) + " to " + rounded(one.thickness + one.growth, 3);
+  };
+  for (const auto& [name, letters] :
+       {std::pair("lower case", model.letters[0]), std::pair("capitals", model.letters[1])}) {
+    out += text(name, ": stems from ", stroke(letters.upright), ", bars from ", stroke(letters.level), "\n");
+  }
+  for (const fontcore::WeightModel::Control& control : model.controls) {
+    if (!control.used) continue;
+    out += text("control letter ", control.name, ": strokes off by ", rounded(control.thickness_error, 2), ", ",
+                rounded(std::abs(control.width_error), 2), control.width_error < 0.0 ? " narrower" : " wider",
+                " than drawn\n");
+  }
+  for (const std::string& warning : learning_warnings(model)) out += "warning: " + warning + "\n";
+  return out;
+}
+
+}  // namespace
+
 Outcome learn_weight(const Request& request, const LearnWeightRequest& learn) {
   const bool has_file = !learn.prior.empty() && learn.prior != "none";
   check_outputs({request.font, learn.bold, has_file ? learn.prior : ""}, {learn.output});
@@ -649,65 +709,160 @@ Outcome learn_weight(const Request& request, const LearnWeightRequest& learn) {
   glyphs::write_files({{learn.output, {json.begin(), json.end()}}});
   if (request.json) return {json, "", 0};
   if (request.quiet) return {};
-  std::string out;
-  for (const auto& [name, letters] :
-       {std::pair("lower case", model.letters[0]), std::pair("capitals", model.letters[1])}) {
-    out += text(name, ": stems ", rounded(letters.upright.thickness, 3), " + ", rounded(letters.upright.growth, 3),
-                ", bars ", rounded(letters.level.thickness, 3), " + ", rounded(letters.level.growth, 3),
-                " thousandths of the em\n");
-  }
-  for (const fontcore::WeightModel::Control& control : model.controls) {
-    out += control.used
-               ? text("control letter ", control.name, ": strokes off by ", rounded(control.thickness_error, 2),
-                      ", width by ", rounded(control.width_error, 2), " thousandths of the em\n")
-               : text("control letter ", control.name, ": left out, its contours do not pair up\n");
-  }
-  return {out + "written: " + learn.output + "\n", "", 0};
+  return {learn_summary(model) + "written: " + learn.output + "\n", "", 0};
 }
+
+namespace {
+
+// What every glyph takes of the step.
+std::string amounts_text(const fontcore::WeightAmounts& amounts) {
+  std::string out = amounts.x == amounts.y ? rounded(amounts.x, 3)
+                                           : rounded(amounts.x, 3) + " across, " + rounded(amounts.y, 3) + " upwards";
+  if (amounts.thin) out += ", thin strokes " + rounded(*amounts.thin, 3);
+  if (amounts.serif) out += ", serifs " + rounded(*amounts.serif, 3);
+  return out;
+}
+
+std::string errors_text(const Font& made, const std::string& drawn,
+                        const std::vector<glyphs::ComparedGlyph>& compared) {
+  if (compared.empty()) return "none of them is drawn in " + drawn + "\n";
+  double sum = 0.0;
+  double area = 0.0;
+  std::vector<std::string> worst;
+  for (const glyphs::ComparedGlyph& one : compared) {
+    sum += one.error.difference;
+    area += std::abs(one.error.area);
+    constexpr std::size_t most = 5;
+    if (worst.size() < most)
+      worst.push_back(made.glyphs[static_cast<std::size_t>(one.glyph)].name + " " +
+                      rounded(100.0 * one.error.difference, 3) + " %");
+  }
+  const auto number = static_cast<double>(compared.size());
+  return text("against ", drawn, ": ", count(compared.size(), "glyph"), " differ by ", rounded(100.0 * sum / number, 3),
+              " % of their ink in the mean, in area by ", rounded(100.0 * area / number, 3),
+              " %; worst: ", join(worst, ", "), "\n");
+}
+
+std::string advances_text(const Font& font, const glyphs::ReweightOptions& options, const glyphs::Spacing& spacing) {
+  const std::size_t changed = spacing.advances.size();
+  if (changed == 0) return text("advances: all ", font.glyphs.size(), " as they were\n");
+  std::string out =
+      text("advances by ", name_of(options.advance), ": ", changed, " of ", font.glyphs.size(), " changed");
+  if (options.advance == glyphs::AdvancePolicy::Scale) out += ", times " + rounded(spacing.ratio, 4);
+  out += "\n";
+  if (!spacing.component_shifts.empty())
+    out += text("components moved in ", count(spacing.component_shifts.size(), "composite"), "\n");
+  if (!spacing.kept_composites.empty())
+    out += "advances kept, since parts are placed by points: " + few(glyph_names(font, spacing.kept_composites)) + "\n";
+  return out;
+}
+
+std::string apply_summary(const Request& request, const ApplyWeightRequest& apply, const Font& font,
+                          const glyphs::ReweightOptions& options, const glyphs::ReweightResult& result,
+                          const std::string& errors) {
+  std::vector<std::string> refused;
+  std::vector<std::string> reduced;
+  int segments_before = 0;
+  int segments_after = 0;
+  for (const glyphs::ReweightedGlyph& glyph : result.glyphs) {
+    if (!glyph.refused.empty()) refused.push_back(glyph.name + " (" + glyph.refused + ")");
+    if (glyph.changed && glyph.share < 1.0) reduced.push_back(glyph.name + " (" + rounded(glyph.share, 3) + ")");
+    segments_before += glyph.segments_before;
+    segments_after += glyph.segments_after;
+  }
+  std::string out = text(request.font, ": ", result.changed(), " of ", count(result.glyphs.size(), "selected glyph"),
+                         " in another weight: ", amounts_text(result.amounts), " of the step",
+                         !apply.fit_to.empty() ? " that n and o of " + apply.fit_to + " show"
+                         : apply.carries       ? " in proportion to its own letters"
+                                               : "",
+                         "\n");
+  if (options.emission == glyphs::Emission::Compact)
+    out += text("segments: ", segments_after, " for ", segments_before, "\n");
+  out += advances_text(font, options, result.spacing);
+  if (!result.layout.anchored.empty()) {
+    out += text("anchors of GPOS kept where they were, though the outline is another: ",
+                few(glyph_names(font, result.layout.anchored)), "\n");
+  }
+  if (result.layout.kerning_pairs > 0)
+    out += text("kerning kept: ", result.layout.kerning_pairs, " pairs have a glyph that is drawn otherwise\n");
+  if (!refused.empty()) out += "left as they were: " + few(refused) + "\n";
+  if (!reduced.empty()) out += "by a smaller share than was asked: " + few(reduced) + "\n";
+  out += what_changed(font, result.font);
+  if (!result.font.dropped_instructions.empty())
+    out += text("instructions dropped from ", count(result.font.dropped_instructions.size(), "glyph"), "\n");
+  if (!result.font.dropped_hints.empty())
+    out += text("hints dropped from ", count(result.font.dropped_hints.size(), "glyph"), "\n");
+  out += errors;
+  for (const std::string& path : {apply.report, apply.proof, apply.output}) {
+    if (!path.empty()) out += "written: " + path + "\n";
+  }
+  return out;
+}
+
+}  // namespace
 
 Outcome apply_weight(const Request& request, const ApplyWeightRequest& apply) {
   glyphs::file_kind(apply.output);  // a wrong ending is refused before anything is read
-  check_outputs({apply.model}, {apply.output, apply.report});
-  check_outputs({request.font}, {apply.report});
-  glyphs::ReweightOptions options{
-      .amount = apply.amount, .italic_angle = apply.italic_angle, .only = {}, .jobs = request.jobs};
-  const glyphs::Bytes bytes = glyphs::read_file(apply.model);
-  const fontcore::WeightModel model = glyphs::parse_weight({bytes.begin(), bytes.end()}, apply.model);
+  check_outputs({apply.model, apply.fit_to, apply.against}, {apply.output, apply.report, apply.proof});
+  check_outputs({request.font}, {apply.report, apply.proof});
+  if (!apply.proof.empty()) glyphs::proof_format(apply.proof);
+  glyphs::ReweightOptions options{.strength = apply.strength,
+                                  .advance = glyphs::advance_policy(apply.advance),
+                                  .emission = chosen<glyphs::Emission>("--emit", apply.emission,
+                                                                       {{"structure", glyphs::Emission::Structure},
+                                                                        {"compact", glyphs::Emission::Compact}}),
+                                  .tolerance = apply.tolerance,
+                                  .italic_angle = apply.italic_angle,
+                                  .only = {},
+                                  .jobs = request.jobs};
+  if (!(options.tolerance > 0.0) || !std::isfinite(options.tolerance))
+    throw RequestError(text("--tolerance ", apply.tolerance, ": a distance above 0 is expected"));
+  fontcore::WeightModel model = glyphs::parse_weight(glyphs::read_text(apply.model), apply.model);
   const Font font = load(request);
   glyphs::require_kind(font, apply.output);
   if (request.text || !request.glyphs.empty()) options.only = selected(request, font);
-  glyphs::ReweightResult result = naming(request.font, [&] { return glyphs::reweight(font, model, options); });
-  std::vector<std::string> refused;
-  std::vector<std::string> reduced;
-  for (const glyphs::ReweightedGlyph& glyph : result.glyphs) {
-    if (!glyph.refused.empty()) refused.push_back(glyph.name + " (" + glyph.refused + ")");
-    if (glyph.changed && std::abs(glyph.amount) < std::abs(apply.amount)) {
-      reduced.push_back(glyph.name + " (" + rounded(glyph.amount, 3) + ")");
-    }
+  if (!apply.fit_to.empty()) {
+    const Font drawn = glyphs::load_font(apply.fit_to);
+    model = carry_weight(font, model, &drawn);
+  } else if (apply.carries) {
+    model = carry_weight(font, model);
   }
-  if (apply.strict && (!refused.empty() || !result.font.emptied.empty())) {
+  glyphs::ReweightResult result = naming(request.font, [&] { return glyphs::reweight(font, model, options); });
+  if (apply.strict && (result.refused() > 0 || !result.font.emptied.empty())) {
+    std::vector<std::string> refused;
+    for (const glyphs::ReweightedGlyph& glyph : result.glyphs)
+      if (!glyph.refused.empty()) refused.push_back(glyph.name + " (" + glyph.refused + ")");
     return {"", text(request.font, ": ", count(refused.size(), "glyph"), " refused, nothing written: ", few(refused)),
             1};
   }
   const bool has_report = request.json || !apply.report.empty();
   const std::string report = has_report ? glyphs::reweight_json(font, options, result) : std::string();
   std::vector<glyphs::PendingFile> files;
+  std::string errors;
+  if (!apply.proof.empty() || !apply.against.empty()) {
+    std::vector<int> changed;
+    for (const glyphs::ReweightedGlyph& glyph : result.glyphs)
+      if (glyph.changed) changed.push_back(glyph.glyph);
+    const Font made = result.font.folder ? glyphs::load_ufo(apply.output, *result.font.folder)
+                                         : glyphs::load_font_bytes(apply.output, result.font.data);
+    glyphs::Bytes picture;
+    if (apply.against.empty()) {
+      if (changed.empty()) throw RequestError("--proof: no glyph has changed");
+      picture = glyphs::draw_glyph_proof(made, font, changed, glyphs::proof_format(apply.proof));
+    } else {
+      const Font drawn = glyphs::load_font(apply.against);
+      const std::vector<glyphs::ComparedGlyph> compared = compare_weights(made, drawn, changed);
+      errors = errors_text(made, apply.against, compared);
+      if (!apply.proof.empty())
+        picture = draw_weight_proof(font, made, drawn, compared, glyphs::proof_format(apply.proof));
+    }
+    if (!apply.proof.empty()) files.push_back({apply.proof, std::move(picture)});
+  }
   if (!apply.report.empty()) files.push_back({apply.report, {report.begin(), report.end()}});
   files.push_back({apply.output, std::move(result.font.data), std::move(result.font.folder)});
   glyphs::write_files(files);
   if (request.json) return {report, "", 0};
-  if (request.quiet) return {};
-  std::string out = text(request.font, ": ", result.changed(), " of ", count(result.glyphs.size(), "selected glyph"),
-                         " in another weight, advances kept\n");
-  if (!refused.empty()) out += "left as they were: " + few(refused) + "\n";
-  if (!reduced.empty()) out += "by less than was asked: " + few(reduced) + "\n";
-  out += what_changed(font, result.font);
-  if (!result.font.dropped_instructions.empty())
-    out += text("instructions dropped from ", count(result.font.dropped_instructions.size(), "glyph"), "\n");
-  if (!result.font.dropped_hints.empty())
-    out += text("hints dropped from ", count(result.font.dropped_hints.size(), "glyph"), "\n");
-  if (!apply.report.empty()) out += "written: " + apply.report + "\n";
-  return {out + "written: " + apply.output + "\n", "", 0};
+  return {request.quiet ? "" : apply_summary(request, apply, font, options, result, errors), "", 0};
 }
 
 Outcome convert(const Request& request, const ConvertRequest& convert) {

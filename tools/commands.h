@@ -7,6 +7,7 @@
 
 #include "glyphs/jobs.h"
 #include "glyphs/shaping.h"
+#include "glyphs/weight.h"
 
 /// What each subcommand does, over the library alone: a request as plain values in, the text for standard output back.
 /// Files are written whole or not at all, several of them together or none.
@@ -124,8 +125,15 @@ struct ApplyWeightRequest {
   std::string model;
   std::string output;
   std::string report;  ///< empty: none
-  double amount = 1.0;
+  glyphs::WeightStrength strength;
+  bool carries = false;  ///< FONT is of another family than the model
+  std::string fit_to;    ///< a font of FONT's family with n and o in the weight wanted; empty: none
+  std::string advance = "keep";
+  std::string emission = "structure";
+  double tolerance = 0.5;     ///< of compact emission, font units
   double italic_angle = 0.0;  ///< degrees leaning right
+  std::string proof;          ///< a picture of what changed, before and after; empty: none
+  std::string against;        ///< a font where the weight is drawn: its letters beside those made, worst first
   bool strict = false;
 };
 Outcome apply_weight(const Request& request, const ApplyWeightRequest& apply);

@@ -84,7 +84,7 @@ TEST_CASE("unknown and repeated keys, wrong types and what cannot be honoured ar
   CHECK(refusal(R"({"steps": [], "steps": []})") == "r.json: steps: given twice");
   CHECK(refusal(R"({"steps": []},)") == "r.json: not JSON: error near line 1");
   CHECK(refusal("{\n\"steps\": [}") == "r.json: not JSON: error near line 2");
-  CHECK(refusal("[]") == "r.json: : must be an object");
+  CHECK(refusal("[]") == "r.json: must be an object");
   CHECK(refusal("{}") == "r.json: steps: is missing");
   CHECK(refusal(with_step(step + R"(, "bredth": 5)")) == "r.json: steps[0].bredth: unknown key");
   CHECK(refusal(with_step(R"("near": [1], "move": [3, 4], "breadth": 5)")) ==
@@ -105,8 +105,17 @@ TEST_CASE("unknown and repeated keys, wrong types and what cannot be honoured ar
   CHECK(equalize(R"({"20 units": 0.5})") == "r.json: steps[0].bands.20 units: a band is named by a length");
   CHECK(equalize(R"({"20": -1})") == "r.json: steps[0].bands.20: a gain is a number from 0");
   CHECK(equalize("[1]") == "r.json: steps[0].bands: must be an object: {\"20\": 0.5, \"80\": 1.3}");
-  CHECK(refusal(R"({"steps": [{"op": "weight", "model": "b.json"}]})") ==
-        "r.json: steps[0].op: \"weight\" is not in this version of glyphwave");
+  const auto weight = [](const std::string& keys) { return refusal(R"({"steps": [{"op": "weight")" + keys + "}]}"); };
+  CHECK(weight(R"(, "model": "b.json")").empty());
+  CHECK(
+      weight(R"(, "model": "b.json", "amount_x": 1.5, "amount_y": 0.5, "amount_thin": 0, "amount_serif": -1)").empty());
+  CHECK(weight(R"(, "model": "b.json", "stem_x": 120, "stem_y": 90, "advance": "sidebearings")").empty());
+  CHECK(weight("") == "r.json: steps[0].model: must name a weight model");
+  CHECK(weight(R"(, "model": "b.json", "amount": 2.5)") == "r.json: steps[0].amount: must be from -1 to 2");
+  CHECK(weight(R"(, "model": "b.json", "stem_x": 0)") == "r.json: steps[0].stem_x: must be positive");
+  CHECK(weight(R"(, "model": "b.json", "contour": 0)") == "r.json: steps[0].contour: weight is of a whole glyph");
+  CHECK(weight(R"(, "model": "b.json", "advance": "wide")") ==
+        "r.json: steps[0].advance: \"wide\" is not one of \"keep\", \"sidebearings\", \"scale\", \"learnt\"");
   const auto character = [](const std::string& keys) {
     return refusal(R"({"steps": [{"op": "character")" + keys + "}]}");
   };

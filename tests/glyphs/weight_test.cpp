@@ -1,12 +1,16 @@
 #include "glyphs/weight.h"
 
 #include <cmath>
+#include <memory>
 #include <nlohmann/json.hpp>
 
 #include "fontcore/crossing.h"
 #include "fontcore/ink.h"
+#include "fontcore/measure.h"
 #include "glyphs/error.h"
 #include "glyphs/recipe.h"
+#include "glyphs/restyle.h"
+#include "glyphs/reweight.h"
 #include "tests/bundled_fonts.h"
 #include "tests/catch.h"
 
@@ -55,6 +59,13 @@ bool is_whole(const BezierContour& contour) {
   return true;
 }
 
+/// A glyph in another weight, as `reweight` has it.
+std::vector<BezierContour> reweighted(const Font& font, int glyph, const WeightModel& model, double amount,
+                                      ReweightedGlyph& report) {
+  std::vector<std::vector<int>> came_from;
+  return reweight_glyph(font, glyph, model, {.x = amount, .y = amount}, {}, report, came_from);
+}
+
 std::string refusal(const std::string& json) {
   try {
     parse_weight(json, "m.json");
@@ -88,22 +99,22 @@ TEST_CASE("a weight model that is none is refused by file and key", "[weight]") 
   const nlohmann::json good = nlohmann::json::parse(weight_json(model_of(open_sans)));
   CHECK(refusal(good.dump()).empty());
   CHECK(refusal("{").starts_with("m.json: "));
-  CHECK(refusal("[]") == "m.json: an object is expected");
+  CHECK(refusal("[]") == "m.json: must be an object");
   const auto changed = [&](const auto& change) {
     nlohmann::json json = good;
     change(json);
     return refusal(json.dump());
   };
-  CHECK(changed([](auto& j) { j["colour"] = 1; }) == "m.json: colour: unknown");
-  CHECK(changed([](auto& j) { j.erase("top"); }) == "m.json: top: missing");
-  CHECK(changed([](auto& j) { j["version"] = 2; }) == "m.json: no weight model of this version");
+  CHECK(changed([](auto& j) { j["colour"] = 1; }) == "m.json: colour: unknown key");
+  CHECK(changed([](auto& j) { j.erase("top"); }) == "m.json: top: is missing");
+  CHECK(changed([](auto& j) { j["version"] = 2; }) == "m.json: format: no weight model of this version");
   CHECK(changed([](auto& j) { j["capitals"]["upright"]["thickness"] = 0; }) ==
-        "m.json: capitals: upright: thickness: it must be positive");
+        "m.json: capitals.upright.thickness: must be positive");
   CHECK(changed([](auto& j) { j["capitals"]["serif"] = "much"; }) ==
-        "m.json: capitals: serif: a number of at most a million is expected");
+        "m.json: capitals.serif: must be a number of at most a million");
   CHECK(changed([](auto& j) { j["lower_case"]["correction"][1].erase(0); }) ==
-        "m.json: lower_case: correction 1: a list of 7 is expected");
-  CHECK(changed([](auto& j) { j["widths"][0] = 21; }) == "m.json: widths: other places than those of this version");
+        "m.json: lower_case.correction[1]: must be a list of 7");
+  CHECK(changed([](auto& j) { j["widths"][0] = 21; }) == "m.json: widths: must be the places of this version");
 }
 
 TEST_CASE("letters in the learnt weight have the areas of those that were drawn", "[weight]") {
@@ -118,7 +129,7 @@ TEST_CASE("letters in the learnt weight have the areas of those that were drawn"
       if (four.find(letter) != std::string::npos) continue;
       const int id = glyph_of(regular, letter);
       ReweightedGlyph report;
-      const auto made = reweight_glyph(regular, id, model, {}, report);
+      const auto made = reweighted(regular, id, model, 1.0, report);
       CHECK(report.refused.empty());
       const double unit = static_cast<double>(bold.units_per_em) / regular.units_per_em;
       const double drawn = measure_ink(compose(bold, glyph_of(bold, letter))).area / (unit * unit);
@@ -138,10 +149,8 @@ TEST_CASE("letters keep their structure, counters and simplicity in every weight
       const int id = glyph_of(font, letter);
       const auto& before = font.glyphs[static_cast<std::size_t>(id)].contours;
       if (before.empty()) continue;
-      ReweightOptions options;
-      options.amount = amount;
       ReweightedGlyph report;
-      const auto after = reweight_glyph(font, id, model, options, report);
+      const auto after = reweighted(font, id, model, amount, report);
       REQUIRE(after.size() == before.size());
       for (std::size_t c = 0; c < after.size(); ++c) {
         CHECK(has_same_structure(after[c], before[c]));
@@ -162,7 +171,7 @@ TEST_CASE("a font at amount 0 is the file itself", "[weight]") {
   for (const Family& family : {open_sans, cabin}) {
     const Font font = load_font(family.regular);
     ReweightOptions options;
-    options.amount = 0.0;
+    options.strength.amount = 0.0;
     const ReweightResult result = reweight(font, model_of(family), options);
     CHECK(result.changed() == 0);
     CHECK(result.font.data == *font.data);
@@ -189,7 +198,7 @@ TEST_CASE("a step learnt in one family is put on another, in another unit", "[we
   const WeightModel model = model_of(open_sans);
   const auto growth = [&](const Font& font, char letter) {
     ReweightedGlyph report;
-    const auto made = reweight_glyph(font, glyph_of(font, letter), model, {}, report);
+    const auto made = reweighted(font, glyph_of(font, letter), model, 1.0, report);
     return measure_ink(made).area / measure_ink(font.glyphs[static_cast<std::size_t>(report.glyph)].contours).area;
   };
   for (const char letter : std::string("noHOaegs"))
@@ -247,9 +256,163 @@ TEST_CASE("a prior says how single letters differ in other families, and a contr
   const auto width = [&](double widening) {
     model.widening["E"] = widening;
     ReweightedGlyph report;
-    const auto made = reweight_glyph(font, glyph_of(font, 'E'), model, {}, report);
+    const auto made = reweighted(font, glyph_of(font, 'E'), model, 1.0, report);
     return tight_box(made[0]).high.x() - tight_box(made[0]).low.x();
   };
   const double growth = model.letters[1].upright.growth * font.units_per_em / 1000.0;
   CHECK(width(0.5) - width(0.0) == Approx(0.5 * growth).epsilon(0.3));
+}
+
+namespace {
+
+Recipe weight_recipe(const WeightModel& model, const WeightStrength& strength = {}) {
+  Recipe recipe;
+  recipe.glyphs = "U+0041-005A,U+0061-007A";
+  recipe.steps.emplace_back(WeightStep{.model = std::make_shared<const WeightModel>(model), .strength = strength});
+  return recipe;
+}
+
+}  // namespace
+
+TEST_CASE("a step of weight in a recipe makes the area that it is held to", "[weight]") {
+  for (const Family& family : {open_sans, liberation_serif, cabin}) {
+    CAPTURE(family.regular);
+    const Font font = load_font(family.regular);
+    const WeightModel model = model_of(family);
+    const RestyleResult restyled = restyle(font, weight_recipe(model));
+    CHECK(restyled.changed() == 52);
+    CHECK(restyled.spacing.advances.empty());
+    ReweightOptions options;
+    options.only = select_glyphs(font, weight_recipe(model).glyphs);
+    const ReweightResult applied = reweight(font, model, options);
+    for (std::size_t k = 0; k < restyled.glyphs.size(); ++k) {
+      const GlyphReport& report = restyled.glyphs[k];
+      CAPTURE(report.name);
+      CHECK(report.crossings_after <= report.crossings_before);
+      CHECK(report.closed_counters == 0);
+      CHECK(std::abs(report.area_after) > std::abs(report.area_before));
+      CHECK(report.area_target == Approx(report.area_unrounded).epsilon(1e-9));
+      CHECK(report.area_after == Approx(report.area_target).epsilon(3e-3));
+      if (report.amount * report.steps.at(0).share == applied.glyphs[k].share) {  // both take as much of the step
+        CHECK(report.area_after == Approx(applied.glyphs[k].area_after).epsilon(0.02));
+      }
+      CHECK(report.segments_after == report.segments_before);
+      CHECK(report.steps.at(0).op == "weight");
+    }
+  }
+}
+
+TEST_CASE("a step of weight of nothing changes nothing, bit for bit", "[weight]") {
+  const Font font = load_font(open_sans.regular);
+  const RestyleResult result = restyle(font, weight_recipe(model_of(open_sans), {.amount = 0.0}));
+  CHECK(result.changed() == 0);
+  CHECK(result.font.data == *font.data);
+}
+
+TEST_CASE("steps behind a step of weight keep the area and the heights that it made", "[weight]") {
+  const Font font = load_font(open_sans.regular);
+  Recipe recipe = weight_recipe(model_of(open_sans));
+  const int n = glyph_of(font, 'n');
+  const std::vector<double> zones = alignment_zones(font);
+  const GlyphResult weighed = restyle_glyph(font, n, recipe, zones);
+  recipe.steps.emplace_back(SweepStep{.near = {1100, 500}, .move = {20, 0}, .breadth = 500});
+  const GlyphResult swept = restyle_glyph(font, n, recipe, zones);
+  REQUIRE(swept.report.refused.empty());
+  CHECK(swept.contours != weighed.contours);
+  CHECK(swept.report.area_target == Approx(weighed.report.area_target).epsilon(1e-9));
+  CHECK(swept.report.area_unrounded == Approx(weighed.report.area_target).epsilon(1e-9));
+  for (std::size_t c = 0; c < swept.contours.size(); ++c) {
+    CHECK(tight_box(swept.unrounded[c]).high.y() == Approx(tight_box(weighed.unrounded[c]).high.y()).margin(1e-9));
+  }
+}
+
+TEST_CASE("what is frozen stays through a step of weight", "[weight]") {
+  const Font font = load_font(open_sans.regular);
+  Recipe recipe = weight_recipe(model_of(open_sans));
+  fontcore::Box foot;
+  foot.add(fontcore::Point(0, -10));
+  foot.add(fontcore::Point(500, 10));
+  recipe.keep.freeze.push_back({.glyph = "n", .box = foot});
+  const int n = glyph_of(font, 'n');
+  const GlyphResult result = restyle_glyph(font, n, recipe);
+  REQUIRE(result.report.refused.empty());
+  REQUIRE(result.report.changed);
+  const BezierContour& before = font.glyphs[static_cast<std::size_t>(n)].contours.at(0);
+  const BezierContour& after = result.contours.at(0);
+  int held = 0;
+  for (int i = 0; i < before.point_count(); ++i) {
+    const fontcore::Point p = before.point(i);
+    if (p.x() > 500 || std::abs(p.y()) > 10) continue;
+    CHECK(after.point(i) == p);
+    ++held;
+  }
+  CHECK(held >= 2);
+  CHECK(std::abs(result.report.area_after) > std::abs(result.report.area_before));
+}
+
+TEST_CASE("compact emission of a weight has fewer segments, and stays by the outline of its own points", "[weight]") {
+  for (const Family& family : {open_sans, cabin}) {
+    CAPTURE(family.regular);
+    const Font font = load_font(family.regular);
+    const WeightModel model = model_of(family);
+    ReweightOptions options;
+    options.only = select_glyphs(font, "U+0041-005A,U+0061-007A");
+    options.emission = Emission::Compact;
+    options.tolerance = 2.0;
+    const ReweightResult compact = reweight(font, model, options);
+    const Font after = load_font_bytes("after", compact.font.data);
+    int before_count = 0;
+    int after_count = 0;
+    for (const ReweightedGlyph& report : compact.glyphs) {
+      CAPTURE(report.name);
+      CHECK(report.crossings_after <= report.crossings_before);
+      CHECK(report.segments_after <= report.segments_before);
+      before_count += report.segments_before;
+      after_count += report.segments_after;
+      ReweightedGlyph own;
+      const auto& contours = after.glyphs[static_cast<std::size_t>(report.glyph)].contours;
+      const auto structured = reweighted(font, report.glyph, model, 1.0, own);
+      for (std::size_t c = 0; c < contours.size(); ++c) {
+        // A unit for the whole numbers of either.
+        CHECK(fontcore::two_sided_distance(to_polyline(contours[c], 5.0), to_polyline(structured[c], 5.0)) < 3.0);
+      }
+    }
+    CHECK(after_count < before_count);
+  }
+}
+
+TEST_CASE("stems come out as thick as wished", "[weight]") {
+  const Font font = load_font(open_sans.regular);
+  const WeightModel model = model_of(open_sans);
+  WeightStrength strength;
+  strength.stems = {.upright = 240.0, .level = 190.0};
+  ReweightOptions options;
+  options.strength = strength;
+  options.only = select_glyphs(font, "n,o");
+  const Font after = load_font_bytes("after", reweight(font, model, options).font.data);
+  const fontcore::StemWidths made = fontcore::measure_stems(
+      std::vector{compose(after, glyph_of(after, 'n')), compose(after, glyph_of(after, 'o'))}, after.units_per_em);
+  CHECK(made.upright.value() == Approx(240.0).margin(1.5));
+  CHECK(made.level.value() == Approx(190.0).margin(1.5));
+  strength.stems.upright = 2000.0;
+  CHECK_THROWS_AS(amounts_in(font, model, strength), RequestError);
+}
+
+TEST_CASE("a step carried to another family with its n and o drawn comes nearer than the step as it is", "[weight]") {
+  const Font font = load_font(cabin.regular);
+  const Font bold = load_font(cabin.bold);
+  const WeightModel model = model_of(open_sans);
+  const auto error = [&](const WeightModel& applied) {
+    double sum = 0.0;
+    for (const char letter : std::string("abdeghpqucsDBEFLPR")) {
+      ReweightedGlyph report;
+      const auto made = reweighted(font, glyph_of(font, letter), applied, 1.0, report);
+      sum += std::abs(measure_ink(made).area / measure_ink(compose(bold, glyph_of(bold, letter))).area - 1.0);
+    }
+    return sum / 18;
+  };
+  CHECK(error(carry_weight(font, model, &bold)) < 0.04);
+  CHECK(error(carry_weight(font, model, &bold)) < 0.5 * error(model));
+  const WeightModel own = carry_weight(font, model);  // nothing of it is drawn
+  CHECK(own.letters[0].upright.thickness == Approx(carry_weight(font, model, &bold).letters[0].upright.thickness));
 }

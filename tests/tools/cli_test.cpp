@@ -128,10 +128,6 @@ TEST_CASE("misuse is one line and status 2", "[cli]") {
 }
 
 TEST_CASE("what this version does not have yet is refused by name", "[cli]") {
-  check_refusal(glyphwave({"weight", "learn", serif, serif, "--control", "n", "--prior", "p.json", "-o", "x.json"}),
-                {"p.json"});
-  check_refusal(glyphwave({"weight", "apply", serif, "m.json", "--advance", "learnt", "-o", "x.ttf"}),
-                {"weight apply --advance learnt", "not in this version"});
   check_refusal(glyphwave({"area", "check", "base.json", serif}), {"area check", "not in this version"});
   check_refusal(glyphwave({"area", "audit", serif}), {"area audit", "not in this version"});
   check_refusal(glyphwave({"inspect", serif, "--location", "wght=650"}), {serif, "is not variable"});
@@ -286,7 +282,7 @@ TEST_CASE("a recipe that cannot be honoured is refused and an old output is unto
            "wobble": 2}]})",
        "wobble"},
       {R"({"glyphs": "a", "steps": [{"op": "melt"}]})", "melt"},
-      {R"({"glyphs": "a", "steps": [{"op": "weight", "model": "m.json"}]})", "weight"},
+      {R"({"glyphs": "a", "steps": [{"op": "weight", "model": "m.json"}]})", "m.json"},
       {R"({"glyphs": "nosuchglyph", "steps": []})", "nosuchglyph"},
       {R"({"glyphs": "a", "steps": [{"op": "sweep", "glyph": "a", "contour": 7, "near": [1, 2], "move": [1, 1],
            "breadth": 100}]})",
@@ -761,6 +757,36 @@ TEST_CASE("weight is learnt from a pair of fonts and applied to one", "[cli]") {
   CHECK(glyphwave({"weight", "apply", serif, model, "-o", same, "--amount", "0"}).status == 0);
   CHECK(contents(same) == contents(serif));
 
+  // The same through a recipe, whose model is named from where the recipe is.
+  put(folder / "bold.recipe.json",
+      R"({"glyphs": "a,e", "steps": [{"op": "weight", "model": "m.json", "amount": 0.5, "advance": "sidebearings"}]})");
+  const Run restyled = glyphwave({"restyle", serif, folder / "bold.recipe.json", "-o", folder / "restyled.ttf",
+                                  "--report", folder / "restyled.json"});
+  CHECK(restyled.status == 0);
+  const json restyling = json::parse(contents(folder / "restyled.json"));
+  CHECK(restyling.at("advances_changed") > 2);  // of a, e and their composites
+  const json glyph = restyling.at("glyphs").at(0);
+  CHECK(glyph.at("steps").at(0).at("op") == "weight");
+  CHECK(glyph.at("notes").at(0).get<std::string>().starts_with("weight adds "));
+
+  const Run proofed = glyphwave({"weight", "apply", serif, model, "-o", made, "--glyphs", "a,e,s", "--against", bold,
+                                 "--proof", folder / "p.png"});
+  CHECK(proofed.status == 0);
+  CHECK(proofed.out.find("3 glyphs differ by ") != std::string::npos);
+  CHECK(contents(folder / "p.png").starts_with("\x89PNG"));
+
+  // Carried to where it was learnt, the step is what it was.
+  const Run fitted = glyphwave({"weight", "apply", serif, model, "-o", made, "--glyphs", "a", "--fit-amount", bold,
+                                "--advance", "learnt", "--report", folder / "r.json"});
+  CHECK(fitted.status == 0);
+  CHECK(fitted.out.find("advances by learnt") != std::string::npos);
+  CHECK(json::parse(contents(folder / "r.json")).at("amounts").at("x") == 1.0);
+
+  check_refusal(glyphwave({"weight", "learn", serif, bold, "--control", "n", "--prior", "p.json", "-o", "x.json"}),
+                {"p.json"});
+  check_refusal(glyphwave({"weight", "apply", serif, model, "--advance", "wide", "-o", made}), {"--advance wide"});
+  check_refusal(glyphwave({"weight", "apply", serif, model, "--emit", "small", "-o", made}), {"--emit", "small"});
+  check_refusal(glyphwave({"weight", "apply", serif, model, "--stem-x", "-5", "-o", made}), {"stem"});
   check_refusal(glyphwave({"weight", "apply", serif, model, "-o", made, "--amount", "3"}), {"--amount 3"});
   check_refusal(glyphwave({"weight", "apply", serif, model, "-o", model}), {model});
   check_refusal(glyphwave({"weight", "learn", serif, bold, "--control", "n", "--glyphs", "n", "-o", model}),

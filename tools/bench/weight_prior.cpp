@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "glyphs/font_file.h"
 #include "glyphs/weight.h"
 
 namespace {

@@ -1,0 +1,79 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "glyphs/font_file.h"
+#include "glyphs/jobs.h"
+#include "glyphs/layout_use.h"
+#include "glyphs/recipe.h"
+#include "glyphs/spacing.h"
+#include "glyphs/weight.h"
+
+namespace glyphs {
+
+struct ReweightOptions {
+  WeightStrength strength;
+  AdvancePolicy advance = AdvancePolicy::Keep;
+  Emission emission = Emission::Structure;
+  double tolerance = 0.5;                ///< that compact emission may deviate, font units
+  double italic_angle = 0.0;             ///< degrees leaning right
+  std::optional<std::vector<int>> only;  ///< glyph ids, sorted; none: all with outlines of their own
+  JobOptions jobs;
+};
+
+/// What became of one glyph.
+struct ReweightedGlyph {
+  int glyph = 0;
+  std::string name;
+  std::string refused;  ///< why the glyph stays as it was; empty otherwise
+  bool changed = false;
+  double share = 0.0;  ///< of the amounts that was applied: 1 unless more would do harm
+  double area_before = 0.0;
+  double area_after = 0.0;
+  double advance_before = 0.0;
+  double advance_after = 0.0;
+  int crossings_before = 0;
+  int crossings_after = 0;
+  int segments_before = 0;
+  int segments_after = 0;
+  int held_segments = 0;             ///< kept from folding over
+  SideGrowth sides;                  ///< by how much the sidebearings grow, as learnt
+  std::vector<std::string> dropped;  ///< instructions or hints, and why
+  std::vector<std::string> notes;    ///< other remarks, a line each
+};
+
+struct ReweightResult {
+  WrittenFont font;
+  fontcore::WeightAmounts amounts;      ///< that were asked of every glyph
+  std::vector<ReweightedGlyph> glyphs;  ///< by id
+  Spacing spacing;                      ///< without its outlines
+  LayoutUse layout;                     ///< of what is drawn otherwise, and is kept: anchors in GPOS, kerning
+  int changed() const;
+  int refused() const;
+};
+
+/// A glyph's contours in another weight, in whole numbers, on the advance it has: the middle of the ink stays. The
+/// input's own where nothing is taken of the step.
+///
+/// A glyph that the whole of it would make cross itself anew, close a counter or change its ink against the sign of the
+/// amounts takes less. Compact emission is that of a recipe; a glyph that it would make cross itself, close a counter
+/// or change its ink so, or give no fewer segments, keeps its own points.
+///
+/// `came_from` is as in `GlyphResult`.
+std::vector<fontcore::BezierContour> reweight_glyph(const Font& font, int glyph, const fontcore::WeightModel& model,
+                                                    const fontcore::WeightAmounts& amounts,
+                                                    const ReweightOptions& options, ReweightedGlyph& report,
+                                                    std::vector<std::vector<int>>& came_from);
+
+/// A font in another weight, every selected glyph on its own; advances, composites and anchors by `space`. Where
+/// nothing is taken of the step the file itself comes back, bit for bit.
+///
+/// Throws  RequestError as `kind_of`, `amounts_in` and `space` do; FontWriteError as the writers do.
+ReweightResult reweight(const Font& font, const fontcore::WeightModel& model, const ReweightOptions& options = {});
+
+/// The report as JSON text; same result, same bytes.
+std::string reweight_json(const Font& font, const ReweightOptions& options, const ReweightResult& result);
+
+}  // namespace glyphs
