@@ -282,7 +282,7 @@ std::string weight_json(const WeightModel& model) {
 }
 
 WeightModel parse_weight(const std::string& source, const std::string& name) {
-  const Json json = naming_file(name, source, parse_json);
+  const Json json = naming_file(name, source, [](const std::string& file) { return parse_json(file); });
   const Reader reader(json, name,
                       {"format", "version", "unit", "directions", "thicknesses", "widths", class_names[0],
                        class_names[1], "top", "bottom", "widening", "controls"});
@@ -417,7 +417,7 @@ std::string prior_json(const WeightPrior& prior) {
 }
 
 WeightPrior parse_prior(const std::string& source, const std::string& name) {
-  const Json json = naming_file(name, source, parse_json);
+  const Json json = naming_file(name, source, [](const std::string& file) { return parse_json(file); });
   const Reader reader(json, name, {"format", "version", "families", "even", "contrasted"});
   if (reader.at("format") != prior_name || reader.at("version") != 1) {
     throw RequestError(name + ": no weight prior of this version");

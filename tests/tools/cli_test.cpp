@@ -132,8 +132,6 @@ TEST_CASE("what this version does not have yet is refused by name", "[cli]") {
                 {"p.json"});
   check_refusal(glyphwave({"weight", "apply", serif, "m.json", "--advance", "learnt", "-o", "x.ttf"}),
                 {"weight apply --advance learnt", "not in this version"});
-  check_refusal(glyphwave({"area", "check", "base.json", serif}), {"area check", "not in this version"});
-  check_refusal(glyphwave({"area", "audit", serif}), {"area audit", "not in this version"});
   check_refusal(glyphwave({"inspect", serif, "--location", "wght=650"}), {serif, "is not variable"});
   check_refusal(glyphwave({"inspect", serif, "--location", "wght=bold"}), {"--location", "is no number"});
   check_refusal(glyphwave({"inspect", serif, "--location", ""}), {"--location", "names no place"});
