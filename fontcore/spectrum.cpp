@@ -11,6 +11,7 @@ namespace {
 
 // The outline's length and the number of points are bounded by this, so that no font costs more than memory allows.
 constexpr int most_points = 1 << 16;
+constexpr double steps_per_feature = 4.0;
 // Heights nearer to the top than this are one, as share of the finest feature.
 constexpr double same_height = 1e-6;
 
@@ -55,10 +56,12 @@ Samples at_equal_steps(const Samples& polyline, double finest, double& step) {
   for (std::size_t i = 0; i < n; ++i) {
     const std::size_t a = (first + i) % n;
     const std::size_t b = (first + i + 1) % n;
-    s[i + 1] = s[i] + std::hypot(polyline.x[b] - polyline.x[a], polyline.y[b] - polyline.y[a]);
+    const double dx = polyline.x[b] - polyline.x[a];
+    const double dy = polyline.y[b] - polyline.y[a];
+    s[i + 1] = s[i] + std::sqrt(dx * dx + dy * dy);
   }
   const double length = s[n];
-  const int count = std::clamp(static_cast<int>(std::ceil(2.0 * length / finest)), 4, most_points);
+  const int count = std::clamp(static_cast<int>(std::ceil(steps_per_feature * length / finest)), 4, most_points);
   step = length / count;
   Samples samples;
   samples.x.resize(static_cast<std::size_t>(count));
@@ -107,9 +110,11 @@ std::array<double, octave_count> octave_energies(const std::vector<BezierContour
     double step = 0.0;
     Samples samples = at_equal_steps(to_samples(contour, 0.25 * finest), finest, step);
     scratch.resize(samples.x.size());
-    for (std::size_t octave = 0; octave < octave_count; ++octave) {
-      for (std::vector<double>* axis : {&samples.x, &samples.y}) {
-        energies[octave] += step * smooth(*axis, std::size_t{1} << octave, scratch);
+    for (std::vector<double>* axis : {&samples.x, &samples.y}) {
+      smooth(*axis, 1, scratch);  // where samples fall beside a corner is no feature
+      axis->swap(scratch);
+      for (std::size_t octave = 0; octave < octave_count; ++octave) {
+        energies[octave] += step * smooth(*axis, std::size_t{2} << octave, scratch);
         axis->swap(scratch);
       }
     }

@@ -16,6 +16,8 @@ namespace {
 
 using fontcore::text;
 
+// Signs and marks, and glyphs without a character: too many kinds for one of them to be an outlier.
+constexpr const char* others = "others";
 // What is an outlier: [Iglewicz and Hoaglin 1993], and not so small that no reader sees it.
 constexpr double outlier_score = 3.5;
 constexpr double least_difference = 0.1;
@@ -33,7 +35,7 @@ double median_of(std::vector<double> values) {
 }
 
 const char* group_of(char32_t character) {
-  if (character == 0) return "others";
+  if (character == 0) return others;
   switch (hb_unicode_general_category(hb_unicode_funcs_get_default(), character)) {
     case HB_UNICODE_GENERAL_CATEGORY_LOWERCASE_LETTER:
       return "lower case";
@@ -43,7 +45,7 @@ const char* group_of(char32_t character) {
     case HB_UNICODE_GENERAL_CATEGORY_DECIMAL_NUMBER:
       return "figures";
     default:
-      return "others";
+      return others;
   }
 }
 
@@ -106,6 +108,7 @@ FontColour colour_of(const AreaBaseline& areas, const std::string& file, const s
   std::map<std::string, std::vector<double>> groups;
   std::vector<double> all;
   for (const GlyphArea& glyph : areas.glyphs) {
+    if (glyph.name == ".notdef") continue;
     if (glyph.location != location || !glyph.trouble.empty() || !(glyph.advance > 0.0) || !(glyph.colour_area() > 0.0))
       continue;
     const double colour = glyph.colour_area() / (glyph.advance * areas.units_per_em);
@@ -164,11 +167,10 @@ Report audit_colour(const std::vector<FontColour>& fonts) {
   std::vector<Table> ranked;
   std::size_t outliers = 0;
   for (const FontColour& font : fonts) {
-    Check check{
-        "glyphwave/colour", "No glyph is much darker or lighter than its group: " + title_of(font) + ".",
-        "Ink as share of advance x em, against the median of lower case, capitals, figures or others: 3.5 robust "
-        "sigmas and a tenth away is an outlier. Many are meant to be: l, i and the quotes are of little ink.",
-        font.file};
+    Check check{"glyphwave/colour", "No glyph is much darker or lighter than its group: " + title_of(font) + ".",
+                "Ink as share of advance x em, against the median of lower case, capitals or figures: 3.5 robust "
+                "sigmas and a tenth away is an outlier. Many are meant to be: l, i and the quotes are of little ink.",
+                font.file};
     Table table{"Most unlike their group: " + title_of(font),
                 {"glyph", "colour", "to n", "to H", "to median", "sigmas", "group"},
                 {}};
@@ -176,8 +178,10 @@ Report audit_colour(const std::vector<FontColour>& fonts) {
       if (table.rows.size() < most_listed && std::isfinite(glyph.score))
         table.rows.push_back({glyph.name, percent(glyph.colour), ratio(glyph.to_n), ratio(glyph.to_H),
                               ratio(glyph.to_median), fixed(glyph.score, 1), glyph.group});
-      if (std::abs(glyph.score) <= outlier_score || std::abs(glyph.to_median - 1.0) <= least_difference) continue;
-      const std::string where = font.location.empty() ? "" : " at " + font.location;
+      if (glyph.group == others || std::abs(glyph.score) <= outlier_score ||
+          std::abs(glyph.to_median - 1.0) <= least_difference)
+        continue;
+      const std::string where = fonts.size() == 1 ? "" : " of " + title_of(font);
       check.findings.push_back(
           {Status::Warn,
            text(glyph.name, where, ": colour ", percent(glyph.colour), ", ", ratio(glyph.to_median),
@@ -203,7 +207,7 @@ Report audit_colour(const std::vector<FontColour>& fonts) {
     };
     std::vector<Row> rows;
     for (const GlyphColour& glyph : fonts[0].glyphs) {
-      if (glyph.character == 0 || glyph.group == "others" || !glyph.to_n) continue;
+      if (glyph.character == 0 || glyph.group == others || !glyph.to_n) continue;
       Row row{0.0, {glyph.name}};
       double least = std::numeric_limits<double>::infinity();
       double most = 0.0;

@@ -45,14 +45,14 @@ struct FontColour {
   std::vector<GlyphColour> glyphs;  ///< the most unlike first
 };
 
-/// Glyphs without an advance or without ink are left out: they stand on others.
+/// Glyphs without an advance or without ink, which stand on others, are left out, and `.notdef`.
 ///
 /// Source  LettError/coverage: grey = area / (width x em), weighted by the frequency of letters.
 FontColour colour_of(const AreaBaseline& areas, const std::string& file, const std::string& location,
                      const Frequencies& frequencies);
 
 /// The fonts side by side: figures of each; outliers ranked, a WARN each, where colour is 3.5 robust sigmas and a tenth
-/// from the median of the group; and the letters whose colour differs most from font to font, relative to n.
+/// from the median of letters or figures; and the letters whose colour differs most from font to font, relative to n.
 Report audit_colour(const std::vector<FontColour>& fonts);
 /// `audit_colour` as JSON, with `"fonts": [{"filename", "location", "coverage", "n", "H", "median", "glyphs": [{"name",
 /// "colour", "group", "toN", "toH", "toMedian", "score"}]}]`.

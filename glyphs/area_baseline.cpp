@@ -42,7 +42,9 @@ GlyphArea measured(const Font& font, int id, AreaMetrics metrics, const std::str
   for (std::size_t i = 0; i < contours.size(); ++i) {
     const Moments own = signs[i] * fontcore::moments(contours[i]);
     glyph.area += signs[i] * own.area;
-    glyph.length += fontcore::length(contours[i]);
+    const double length = fontcore::length(contours[i]);
+    if (length == 0.0) continue;  // a point that marks a place
+    glyph.length += length;
     glyph.contours.push_back({own.area, own.area == 0.0 ? contours[i].point(0) : own.centroid()});
     all += own;
     for (const fontcore::PointKind kind : contours[i].kinds()) {

@@ -35,7 +35,7 @@ struct GlyphArea {
   double length = 0.0;                                       ///< of all contours
   fontcore::Point centroid = fontcore::Point::Zero();        ///< of `enclosed`, 0 if that is 0
   Eigen::Vector3d second_moments = Eigen::Vector3d::Zero();  ///< about the centroid: xx, xy, yy
-  std::vector<ContourArea> contours;                         ///< the largest area first
+  std::vector<ContourArea> contours;                         ///< of some length; the largest area first
   bool has_quadratics = false;
   bool has_cubics = false;
   std::optional<double> ink;                                          ///< area by the non-zero rule

@@ -26,6 +26,8 @@ constexpr double least_height = 1e-6;
 constexpr double mean_share = 1e-3;
 // How far curves refitted within a distance are off on average, of that distance; measured, 0.19 at most.
 constexpr double refit_share = 0.25;
+// The root mean square of what an octave may move, of the mean; small round contours come to 1.3 of them.
+constexpr double rms_to_mean = 2.0;
 // Contours are told apart in a message up to so many; a glyph of more is named as a whole.
 constexpr std::size_t most_matched = 200;
 constexpr std::size_t most_named = 3;
@@ -40,6 +42,10 @@ std::string number(double value, int digits = 3) {
 
 std::string signed_number(double value) { return (value < 0.0 ? "" : "+") + number(value); }
 std::string percent(double ratio) { return signed_number(100.0 * ratio) + " %"; }
+std::string pair_of(const Point& point) {
+  const auto hundredths = [](double value) { return number(std::round(100.0 * value) / 100.0 + 0.0, 6); };
+  return text("(", hundredths(point.x()), ", ", hundredths(point.y()), ")");
+}
 std::string whole(double value) { return number(std::round(value), 7); }
 
 /// The glyph as it would measure in an em `factor` times as large.
@@ -88,7 +94,9 @@ std::vector<std::pair<std::size_t, std::size_t>> match(const GlyphArea& was, con
     for (std::size_t j = 0; j < is.contours.size(); ++j) {
       const ContourArea& a = was.contours[i];
       const ContourArea& b = is.contours[j];
-      all.push_back({(a.centroid - b.centroid).norm() / em + std::sqrt(std::abs(a.area - b.area)) / em, i, j});
+      all.push_back(
+          {(a.centroid - b.centroid).norm() / em + std::sqrt(std::abs(std::abs(a.area) - std::abs(b.area))) / em, i,
+           j});
     }
   }
   std::sort(all.begin(), all.end(), [](const Pair& a, const Pair& b) {
@@ -105,21 +113,27 @@ std::vector<std::pair<std::size_t, std::size_t>> match(const GlyphArea& was, con
   return pairs;
 }
 
-/// Which contours changed; whether one of them did by more than its share.
-bool describe_contours(const GlyphArea& was, const GlyphArea& is, const Allowance& allowed,
-                       std::vector<std::string>& words) {
+/// Which contours changed, in words.
+struct ContourChanges {
+  bool is_beyond = false;   ///< one of them by more than its share
+  bool has_turned = false;  ///< one runs the other way beside those it meets, and the ink is the same
+  std::vector<std::string> words;
+};
+
+ContourChanges contour_changes(const GlyphArea& was, const GlyphArea& is, const Allowance& allowed, bool has_same_ink) {
+  ContourChanges changes;
   if (was.contours.size() != is.contours.size()) {
-    words.push_back(
+    changes.words.push_back(
         text(is.contours.size(), is.contours.size() == 1 ? " contour" : " contours", " for ", was.contours.size()));
-    return true;
+    changes.is_beyond = true;
+    return changes;
   }
-  if (was.contours.size() > most_matched) return false;
+  if (was.contours.size() > most_matched) return changes;
   struct Named {
     double relative;
     std::string words;
   };
   std::vector<Named> named;
-  bool is_beyond = false;
   const auto counters =
       std::count_if(was.contours.begin(), was.contours.end(), [](const auto& c) { return c.area < 0.0; });
   for (const auto& [i, j] : match(was, is, allowed.em)) {
@@ -136,22 +150,24 @@ bool describe_contours(const GlyphArea& was, const GlyphArea& is, const Allowanc
                               : counters > 0 && same_kind == 1 ? "outer contour"
                                                                : "contour") +
                              place;
-    if (is_counter != (b.area < 0.0)) {
+    if (is_counter != (b.area < 0.0) && has_same_ink) {
+      changes.has_turned = true;
+    } else if (is_counter != (b.area < 0.0)) {
       named.push_back({2.0, name + (is_counter ? " is filled" : " is a counter now")});
-      is_beyond = true;
+      changes.is_beyond = true;
     } else if (std::abs(change) >
                std::max(0.01 * allowed.percent * std::abs(a.area), allowed.units) + rounding * std::abs(a.area)) {
       named.push_back({std::abs(relative), name + " " + percent(relative)});
-      is_beyond = true;
+      changes.is_beyond = true;
     } else if (const Point by = b.centroid - a.centroid;
                was.contours.size() > 1 && by.norm() > allowed.move + allowed.mean_move) {
-      named.push_back({by.norm() / allowed.em, name + text(" by (", number(by.x()), ", ", number(by.y()), ")")});
+      named.push_back({by.norm() / allowed.em, name + " moved by " + pair_of(by)});
     }
   }
   std::stable_sort(named.begin(), named.end(), [](const Named& a, const Named& b) { return a.relative > b.relative; });
-  for (std::size_t i = 0; i < std::min(named.size(), most_named); ++i) words.push_back(named[i].words);
-  if (named.size() > most_named) words.push_back(text(named.size() - most_named, " more contours"));
-  return is_beyond;
+  for (std::size_t i = 0; i < std::min(named.size(), most_named); ++i) changes.words.push_back(named[i].words);
+  if (named.size() > most_named) changes.words.push_back(text(named.size() - most_named, " more contours"));
+  return changes;
 }
 
 /// How far the outline moved on average if that is to explain its moments, in what is allowed.
@@ -171,9 +187,7 @@ double moved_by_moments(const GlyphArea& was, const GlyphArea& is, const Allowan
 
 void describe_moments(const GlyphArea& was, const GlyphArea& is, std::vector<std::string>& words) {
   const Point by = is.centroid - was.centroid;
-  if (by.cwiseAbs().maxCoeff() >= 0.005)
-    words.push_back(text("balance moved by (", number(std::round(100.0 * by.x()) / 100.0), ", ",
-                         number(std::round(100.0 * by.y()) / 100.0), ")"));
+  if (by.cwiseAbs().maxCoeff() >= 0.005) words.push_back("balance moved by " + pair_of(by));
   const auto spread = [&](Eigen::Index k) {
     const double before = was.second_moments[k] / was.enclosed();
     const double after = is.second_moments[k] / is.enclosed();
@@ -193,7 +207,8 @@ std::array<double, octave_count> moved_by_octaves(const GlyphArea& was, const Gl
     const double a = (*was.octaves)[k];
     const double b = (*is.octaves)[k];
     if (allowed.mean_move > 0.0) {
-      moved[k] = std::abs(std::sqrt(b) - std::sqrt(a)) / std::sqrt(std::max(was.length, 1e-9)) / allowed.mean_move;
+      moved[k] = std::abs(std::sqrt(b) - std::sqrt(a)) / std::sqrt(std::max(was.length, 1e-9)) /
+                 (rms_to_mean * allowed.mean_move);
     } else {
       const double size = std::ldexp(finest_feature * allowed.em, static_cast<int>(k));
       moved[k] = std::sqrt(std::abs(b - a) / size) / std::max(allowed.move, least_height * allowed.em);
@@ -202,15 +217,17 @@ std::array<double, octave_count> moved_by_octaves(const GlyphArea& was, const Gl
   return moved;
 }
 
-/// The octaves whose energy changed most for what they had, of those beyond what is allowed.
+/// The octaves whose energy changed most for what they had, of those where most is beyond what is allowed: in the
+/// others little is much.
 void describe_octaves(const GlyphArea& was, const GlyphArea& is, const std::array<double, octave_count>& moved,
                       double em, std::vector<std::string>& words) {
+  const double least = std::max(1.0, 0.3 * *std::max_element(moved.begin(), moved.end()));
   std::array<double, octave_count> change{};
   std::size_t most = octave_count;
   for (std::size_t k = 0; k < octave_count; ++k) {
-    if (moved[k] <= 1.0) continue;
+    if (moved[k] < least) continue;
     const double before = std::sqrt((*was.octaves)[k]);
-    change[k] = (std::sqrt((*is.octaves)[k]) - before) / std::max(before, 1e-9);
+    change[k] = (std::sqrt((*is.octaves)[k]) - before) / std::max(before, least_height * em);
     if (most == octave_count || std::abs(change[k]) > std::abs(change[most])) most = k;
   }
   if (most == octave_count) return;
@@ -236,17 +253,19 @@ Change change_of(const GlyphArea& was, const GlyphArea& is, const Allowance& all
   const double relative = before == 0.0 ? std::copysign(1.0, after) : (after - before) / std::abs(before);
   if (std::abs(after - before) > limit) change.area = relative;
 
-  const bool has_contour = describe_contours(was, is, allowed, change.words);
-  const double by_moments = moved_by_moments(was, is, allowed);
+  ContourChanges contours = contour_changes(was, is, allowed, has_ink && change.area == 0.0);
+  change.words = std::move(contours.words);
+  // Moments count what is enclosed; where contours turned and ink did not, that says nothing of the outline.
+  const double by_moments = contours.has_turned ? 0.0 : moved_by_moments(was, is, allowed);
   const std::array<double, octave_count> by_octaves = moved_by_octaves(was, is, allowed);
   const double most = std::max(by_moments, *std::max_element(by_octaves.begin(), by_octaves.end()));
   if (most > 1.0) change.move = most;
   // Refitted or rounded, a small contour may change its area by more than its share.
-  if (has_contour && (allowed.mean_move == 0.0 || was.contours.size() != is.contours.size()))
+  if (contours.is_beyond && (allowed.mean_move == 0.0 || was.contours.size() != is.contours.size()))
     change.move = std::max(change.move, 1.0);
   if (change.area == 0.0 && change.move == 0.0) return {};
-  if (by_moments > 1.0) describe_moments(was, is, change.words);
   if (was.octaves && is.octaves) describe_octaves(was, is, by_octaves, allowed.em, change.words);
+  if (by_moments > 1.0) describe_moments(was, is, change.words);
   if (change.area != 0.0) {
     const std::string head =
         text(has_ink ? "ink " : "area ", percent(relative), " (", whole(before), " to ", whole(after), ")");
@@ -466,6 +485,7 @@ std::vector<Picture> draw_drifts(const AreaComparison& comparison, const std::st
     // All panels as high; a glyph that is wider than that is smaller.
     constexpr double height = 220.0;
     constexpr double gap = 16.0;
+    constexpr double least_width = 130.0;  // of a label
     const Point size = box.high - box.low;
     const double scale = height / std::max(size.y(), 0.7 * size.x());
     std::string panels;
@@ -481,7 +501,7 @@ std::vector<Picture> draw_drifts(const AreaComparison& comparison, const std::st
           number(-down, 6), ")\"><path d=\"M", number(window.low.x(), 7), " 0H", number(window.high.x(), 7),
           "\" stroke=\"#bbb\" stroke-width=\"", number(1.0 / enlarged, 6), "\"/>", paths, "</g></svg><text x=\"",
           number(x, 6), "\" y=\"12\" font-size=\"12\" fill=\"#666\" font-family=\"sans-serif\">", label, "</text>");
-      x += extent.x() + gap;
+      x += std::max(extent.x(), least_width) + gap;
     };
     const auto filled = [&](const std::vector<BezierContour>& contours, const char* colour) {
       return text("<path fill=\"", colour, "\" style=\"mix-blend-mode:multiply\" d=\"", path_of(contours), "\"/>");
