@@ -24,10 +24,9 @@ constexpr double rounding = 1e-9;
 constexpr double least_height = 1e-6;
 // What moments may change, of what octaves may: a bump stands on some thousandth of the outline.
 constexpr double mean_share = 1e-3;
-// How far curves refitted within a distance are off on average, of that distance; measured, 0.19 at most.
-constexpr double refit_share = 0.25;
-// The root mean square of what an octave may move, of the mean; small round contours come to 1.3 of them.
-constexpr double rms_to_mean = 2.0;
+// How far curves refitted within a distance are off on average, of that distance, where all err to one side: small
+// round contours come to a third.
+constexpr double refit_share = 0.5;
 // Contours are told apart in a message up to so many; a glyph of more is named as a whole.
 constexpr std::size_t most_matched = 200;
 constexpr std::size_t most_named = 3;
@@ -74,6 +73,7 @@ struct Allowance {
   double move = 0.0;
   double mean_move = 0.0;  ///< that all of the outline may have made; 0: it has to be what it was
   double advance = 0.0;
+  bool area_only = false;
 };
 
 /// What of a glyph changed, in words.
@@ -202,13 +202,12 @@ void describe_moments(const GlyphArea& was, const GlyphArea& is, std::vector<std
 /// By octave, how high a bump of its size explains what changed, or how far the outline moved, in what is allowed.
 std::array<double, octave_count> moved_by_octaves(const GlyphArea& was, const GlyphArea& is, const Allowance& allowed) {
   std::array<double, octave_count> moved{};
-  if (!was.octaves || !is.octaves) return moved;
+  if (!was.octaves || !is.octaves || allowed.area_only) return moved;
   for (std::size_t k = 0; k < octave_count; ++k) {
     const double a = (*was.octaves)[k];
     const double b = (*is.octaves)[k];
     if (allowed.mean_move > 0.0) {
-      moved[k] = std::abs(std::sqrt(b) - std::sqrt(a)) / std::sqrt(std::max(was.length, 1e-9)) /
-                 (rms_to_mean * allowed.mean_move);
+      moved[k] = std::abs(std::sqrt(b) - std::sqrt(a)) / std::sqrt(std::max(was.length, 1e-9)) / allowed.mean_move;
     } else {
       const double size = std::ldexp(finest_feature * allowed.em, static_cast<int>(k));
       moved[k] = std::sqrt(std::abs(b - a) / size) / std::max(allowed.move, least_height * allowed.em);
@@ -217,15 +216,13 @@ std::array<double, octave_count> moved_by_octaves(const GlyphArea& was, const Gl
   return moved;
 }
 
-/// The octaves whose energy changed most for what they had, of those where most is beyond what is allowed: in the
-/// others little is much.
+/// The octaves whose energy changed most for what they had, of those beyond what is allowed.
 void describe_octaves(const GlyphArea& was, const GlyphArea& is, const std::array<double, octave_count>& moved,
                       double em, std::vector<std::string>& words) {
-  const double least = std::max(1.0, 0.3 * *std::max_element(moved.begin(), moved.end()));
   std::array<double, octave_count> change{};
   std::size_t most = octave_count;
   for (std::size_t k = 0; k < octave_count; ++k) {
-    if (moved[k] < least) continue;
+    if (moved[k] <= 1.0) continue;
     const double before = std::sqrt((*was.octaves)[k]);
     change[k] = (std::sqrt((*is.octaves)[k]) - before) / std::max(before, least_height * em);
     if (most == octave_count || std::abs(change[k]) > std::abs(change[most])) most = k;
@@ -256,7 +253,7 @@ Change change_of(const GlyphArea& was, const GlyphArea& is, const Allowance& all
   ContourChanges contours = contour_changes(was, is, allowed, has_ink && change.area == 0.0);
   change.words = std::move(contours.words);
   // Moments count what is enclosed; where contours turned and ink did not, that says nothing of the outline.
-  const double by_moments = contours.has_turned ? 0.0 : moved_by_moments(was, is, allowed);
+  const double by_moments = contours.has_turned || allowed.area_only ? 0.0 : moved_by_moments(was, is, allowed);
   const std::array<double, octave_count> by_octaves = moved_by_octaves(was, is, allowed);
   const double most = std::max(by_moments, *std::max_element(by_octaves.begin(), by_octaves.end()));
   if (most > 1.0) change.move = most;
@@ -377,7 +374,8 @@ AreaComparison compare_areas(const AreaBaseline& before, const AreaBaseline& now
                               .units = tolerance.units.value_or(options.units),
                               .move = thousandth * tolerance.move.value_or(options.move),
                               .mean_move = half_units + (is_refitted ? refit_share * options.curve * thousandth : 0.0),
-                              .advance = 2.0 * half_units + rounding * now.units_per_em};
+                              .advance = 2.0 * half_units + rounding * now.units_per_em,
+                              .area_only = options.area_only};
       if (std::abs(is.advance - was.advance) > allowed.advance)
         advance.findings.push_back(
             {Status::Fail, text(name, ": advance ", number(is.advance, 7), ", ", number(was.advance, 7), " before"),

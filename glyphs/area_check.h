@@ -9,11 +9,12 @@
 namespace glyphs {
 
 struct AreaCheckOptions {
-  double percent = 0.1;  ///< change allowed of a glyph's area, and of each of its contours'
-  double units = 0.0;    ///< square font units, if that is more
-  double move = 0.25;    ///< change allowed of the outline where areas stay, thousandths of the em
-  double curve = 1.0;    ///< distance of outlines whose curves are of another kind now, thousandths of the em
-  bool rescale = false;  ///< another number of units to the em is no finding
+  double percent = 0.1;    ///< change allowed of a glyph's area, and of each of its contours'
+  double units = 0.0;      ///< square font units, if that is more
+  double move = 0.25;      ///< change allowed of the outline where areas stay, thousandths of the em
+  double curve = 1.0;      ///< distance of outlines whose curves are of another kind now, thousandths of the em
+  bool area_only = false;  ///< outlines may change as they like while areas stay
+  bool rescale = false;    ///< another number of units to the em is no finding
 };
 
 /// One glyph that is not what it was.
@@ -36,7 +37,7 @@ struct AreaComparison {
 /// em is found, as are most that are smaller.
 ///
 /// Where curves are of another kind now every curve may have moved by `curve`, though not all of them all one way: a
-/// mean move of a quarter of it is allowed, of areas, moments and the root mean square of every octave. Where the em
+/// mean move of half of it is allowed, of areas, moments and the root mean square of every octave. Where the em
 /// was rescaled that is half a unit of either em, as whole numbers have it.
 ///
 /// `file` is what the font is called. A FAIL is what changed, has gone or cannot be read any more, a WARN what is new.

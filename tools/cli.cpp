@@ -225,6 +225,7 @@ constexpr std::array<Command, 14> table{{
        app.add_option(
            "--tolerance-curve", options.check_area.tolerance_curve,
            "distance of outlines whose curves are of another kind now, thousandths of the em; 1 unless given");
+       app.add_flag("--area-only", options.check_area.area_only, "outlines may change while areas stay");
        app.add_flag("--rescale", options.check_area.rescale, "another number of units to the em is no finding");
        app.add_option("--against", options.check_area.against, "the font before, for the pictures of --html");
        add_reports(app, options);

@@ -299,6 +299,7 @@ Outcome check_area(const Request& request, const CheckAreaRequest& check) {
                                                              .units = check.tolerance_units,
                                                              .move = check.tolerance_move,
                                                              .curve = check.tolerance_curve,
+                                                             .area_only = check.area_only,
                                                              .rescale = check.rescale});
   comparison.report.notes.push_back(
       "Compared with " + check.baseline +

@@ -60,6 +60,7 @@ struct CheckAreaRequest {
   double tolerance_units = 0.0;
   double tolerance_move = 0.25;
   double tolerance_curve = 1.0;
+  bool area_only = false;
   bool rescale = false;
   ReportRequest report;
 };
