@@ -468,6 +468,9 @@ bool overlap(const Box& a, const Box& b) {
   return (a.low.array() <= b.high.array()).all() && (b.low.array() <= a.high.array()).all();
 }
 
+// Pairs of segments compared to tell which contours meet: hundred times what the richest drawn glyphs take.
+constexpr std::int64_t most_orientation_work = 20'000'000;
+
 /// Whether contours meet; if that takes too much to tell, they may.
 bool may_meet(const BezierContour& a, const BezierContour& b) {
   const auto boxes_of = [](const BezierContour& contour) {
@@ -504,9 +507,12 @@ std::vector<int> orientation_signs(const std::vector<BezierContour>& contours) {
   for (const BezierContour& contour : contours) boxes.push_back(control_box(contour));
   std::vector<std::size_t> group(n);
   std::iota(group.begin(), group.end(), std::size_t{0});
-  for (std::size_t i = 0; i < n; ++i) {
-    for (std::size_t j = i + 1; j < n; ++j) {
+  std::int64_t work = 0;
+  for (std::size_t i = 0; i < n && work <= most_orientation_work; ++i) {
+    for (std::size_t j = i + 1; j < n && work <= most_orientation_work; ++j) {
+      ++work;
       if (group[i] == group[j] || !overlap(boxes[i], boxes[j])) continue;
+      work += std::int64_t{contours[i].segment_count()} * contours[j].segment_count();
       const auto lies_in = [&](std::size_t inner, std::size_t outer) {
         return is_in(boxes[outer], start_of(contours[inner])) &&
                winding_number(contours[outer], start_of(contours[inner])) != 0;
@@ -515,6 +521,7 @@ std::vector<int> orientation_signs(const std::vector<BezierContour>& contours) {
         std::replace(group.begin(), group.end(), group[j], std::size_t{group[i]});
     }
   }
+  if (work > most_orientation_work) std::fill(group.begin(), group.end(), std::size_t{0});
   std::vector<double> area(n, 0.0);
   for (std::size_t i = 0; i < n; ++i) area[group[i]] += signed_area(contours[i]);
   std::vector<int> signs(n);

@@ -9,10 +9,11 @@ namespace fontcore {
 
 namespace {
 
-// The outline's length and the number of points are bounded by this, so that no font costs more than memory allows.
-constexpr int most_points = 1 << 16;
+// Of all contours of an outline together, so that none costs more than time and memory allow: the longest letters have
+// a quarter.
+constexpr double most_steps = 65'536.0;
 constexpr double steps_per_feature = 4.0;
-// Heights nearer to the top than this are one, as share of the finest feature.
+// Heights nearer to the top than this are one, as share of a step.
 constexpr double same_height = 1e-6;
 
 /// A closed curve as its coordinates one after the other.
@@ -21,15 +22,19 @@ struct Samples {
   std::vector<double> y;
 };
 
+double polygon_length(const Bezier& bezier) {
+  double length = 0.0;
+  for (std::size_t k = 0; k < static_cast<std::size_t>(bezier.degree); ++k)
+    length += (bezier.p[k + 1] - bezier.p[k]).norm();
+  return length;
+}
+
 /// Points of the outline at most `step` apart along it.
 Samples to_samples(const BezierContour& contour, double step) {
   Samples samples;
   for (int s = 0; s < contour.segment_count(); ++s) {
     const Bezier bezier = contour.segment(s);
-    double polygon = 0.0;
-    for (std::size_t k = 0; k < static_cast<std::size_t>(bezier.degree); ++k)
-      polygon += (bezier.p[k + 1] - bezier.p[k]).norm();
-    const int pieces = bezier.degree == 1 ? 1 : std::clamp(static_cast<int>(std::ceil(polygon / step)), 4, most_points);
+    const int pieces = bezier.degree == 1 ? 1 : std::max(static_cast<int>(std::ceil(polygon_length(bezier) / step)), 4);
     for (int k = 0; k < pieces; ++k) {
       const Point p = k == 0 ? bezier.start() : evaluate(bezier, static_cast<double>(k) / pieces);
       samples.x.push_back(p.x());
@@ -48,10 +53,10 @@ std::size_t topmost(const Samples& samples, double same) {
   return best;
 }
 
-/// The polyline's points at equal steps of its length, from its topmost one.
-Samples at_equal_steps(const Samples& polyline, double finest, double& step) {
+/// The polyline's points at equal steps of its length, at most so long, from its topmost one.
+Samples at_equal_steps(const Samples& polyline, double most, double& step) {
   const std::size_t n = polyline.x.size();
-  const std::size_t first = topmost(polyline, same_height * finest);
+  const std::size_t first = topmost(polyline, same_height * most);
   std::vector<double> s(n + 1, 0.0);
   for (std::size_t i = 0; i < n; ++i) {
     const std::size_t a = (first + i) % n;
@@ -61,7 +66,7 @@ Samples at_equal_steps(const Samples& polyline, double finest, double& step) {
     s[i + 1] = s[i] + std::sqrt(dx * dx + dy * dy);
   }
   const double length = s[n];
-  const int count = std::clamp(static_cast<int>(std::ceil(steps_per_feature * length / finest)), 4, most_points);
+  const int count = std::max(static_cast<int>(std::ceil(length / most)), 4);
   step = length / count;
   Samples samples;
   samples.x.resize(static_cast<std::size_t>(count));
@@ -105,10 +110,14 @@ double smooth(const std::vector<double>& from, std::size_t stride, std::vector<d
 std::array<double, octave_count> octave_energies(const std::vector<BezierContour>& contours, double finest) {
   if (!(finest > 0.0)) throw InvalidInput(text("octave_energies: a finest feature of ", finest, " units"));
   std::array<double, octave_count> energies{};
+  double length = 0.0;
+  for (const BezierContour& contour : contours)
+    for (int s = 0; s < contour.segment_count(); ++s) length += polygon_length(contour.segment(s));
+  const double most = std::max(finest / steps_per_feature, length / most_steps);
   std::vector<double> scratch;
   for (const BezierContour& contour : contours) {
     double step = 0.0;
-    Samples samples = at_equal_steps(to_samples(contour, 0.25 * finest), finest, step);
+    Samples samples = at_equal_steps(to_samples(contour, most), most, step);
     scratch.resize(samples.x.size());
     for (std::vector<double>* axis : {&samples.x, &samples.y}) {
       smooth(*axis, 1, scratch);  // where samples fall beside a corner is no feature

@@ -19,7 +19,8 @@ inline constexpr std::size_t octave_count = 7;
 /// the energies depend neither on start point, order and direction of the contours nor on where the outline lies.
 ///
 /// Units   energy in font units to the third: squared displacement times length.
-/// Exact   for the polyline through points of the outline at most a quarter of `finest` apart.
+/// Exact   for the polyline through points of the outline at most a quarter of `finest` apart. An outline longer than
+///         16,384 `finest` is taken as coarsely as leaves no more of them.
 /// Throws  InvalidInput if `finest` is not positive.
 /// Source  [FS94] energy of details by level; without decimation as in the algorithme a trous.
 std::array<double, octave_count> octave_energies(const std::vector<BezierContour>& contours, double finest);

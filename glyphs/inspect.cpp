@@ -49,10 +49,9 @@ std::vector<BezierContour> outline_for(const Font& font, int glyph, Facts& facts
   }
 }
 
-ContourFacts facts_of(const BezierContour& contour, Detail detail, int units_per_em) {
+ContourFacts facts_of(const BezierContour& contour, int units_per_em) {
   ContourFacts facts;
   facts.area = fontcore::signed_area(contour);
-  if (detail == Detail::Area) return facts;
   facts.points = static_cast<int>(std::count_if(contour.kinds().begin(), contour.kinds().end(),
                                                 [](auto kind) { return kind != fontcore::PointKind::ImpliedNode; }));
   facts.segments = contour.segment_count();
@@ -77,8 +76,7 @@ std::string place(const fontcore::Point& where) { return fontcore::text("(", whe
 
 }  // namespace
 
-std::vector<GlyphFacts> inspect(const Font& font, const std::vector<int>& glyphs, Detail detail,
-                                const JobOptions& options) {
+std::vector<GlyphFacts> inspect(const Font& font, const std::vector<int>& glyphs, const JobOptions& options) {
   std::vector<GlyphFacts> all(glyphs.size());
   std::vector<std::int64_t> owed(glyphs.size(), 0);  // what the glyph would cost beyond its own budget
   const auto cost = [](const BezierContour& contour) { return contour_cost + contour.point_count(); };
@@ -86,7 +84,7 @@ std::vector<GlyphFacts> inspect(const Font& font, const std::vector<int>& glyphs
     std::size_t next = facts.contours.size();
     for (; next < contours.size() && cost(contours[next]) <= budget; ++next) {
       budget -= cost(contours[next]);
-      facts.contours.push_back(facts_of(contours[next], detail, font.units_per_em));
+      facts.contours.push_back(facts_of(contours[next], font.units_per_em));
     }
     facts.left_out = static_cast<int>(contours.size() - next);
     return std::transform_reduce(contours.begin() + static_cast<std::ptrdiff_t>(next), contours.end(), std::int64_t{0},
@@ -116,32 +114,30 @@ std::vector<GlyphFacts> inspect(const Font& font, const std::vector<int>& glyphs
   return all;
 }
 
-std::string facts_json(const Font& font, const std::vector<GlyphFacts>& facts, Detail detail) {
+std::string facts_json(const Font& font, const std::vector<GlyphFacts>& facts) {
   std::string text = fontcore::text("{\"version\":1,\"unitsPerEm\":", font.units_per_em, ",\"glyphs\":[");
   const char* separator = "\n";
   for (const GlyphFacts& glyph : facts) {
     Json json{{"name", glyph.name}, {"area", glyph.area}};
     if (!glyph.trouble.empty()) json = {{"name", glyph.name}, {"area", nullptr}, {"trouble", glyph.trouble}};
-    if (detail == Detail::Models) {
-      json["gid"] = glyph.glyph;
-      json["contours"] = Json::array();
-      for (const ContourFacts& contour : glyph.contours) {
-        Json one{{"points", contour.points},
-                 {"segments", contour.segments},
-                 {"area", contour.area},
-                 {"length", contour.length}};
-        if (contour.no_model.empty()) {
-          one["corners"] = contour.corners;
-          one["controlPoints"] = contour.control_points;
-          one["levels"] = contour.levels;
-          one["distance"] = contour.distance;
-        } else {
-          one["noModel"] = contour.no_model;
-        }
-        json["contours"].push_back(std::move(one));
+    json["gid"] = glyph.glyph;
+    json["contours"] = Json::array();
+    for (const ContourFacts& contour : glyph.contours) {
+      Json one{{"points", contour.points},
+               {"segments", contour.segments},
+               {"area", contour.area},
+               {"length", contour.length}};
+      if (contour.no_model.empty()) {
+        one["corners"] = contour.corners;
+        one["controlPoints"] = contour.control_points;
+        one["levels"] = contour.levels;
+        one["distance"] = contour.distance;
+      } else {
+        one["noModel"] = contour.no_model;
       }
-      if (glyph.left_out > 0) json["contoursLeftOut"] = glyph.left_out;
+      json["contours"].push_back(std::move(one));
     }
+    if (glyph.left_out > 0) json["contoursLeftOut"] = glyph.left_out;
     text += separator + line_of(json);
     separator = ",\n";
   }

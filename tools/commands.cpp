@@ -128,8 +128,8 @@ void check_outputs(const std::vector<std::string>& inputs, const std::vector<std
 
 Outcome inspect(const Request& request) {
   const Font font = load(request);
-  const auto facts = glyphs::inspect(font, selected(request, font), glyphs::Detail::Models, request.jobs);
-  if (request.json) return {glyphs::facts_json(font, facts, glyphs::Detail::Models), "", 0};
+  const auto facts = glyphs::inspect(font, selected(request, font), request.jobs);
+  if (request.json) return {glyphs::facts_json(font, facts), "", 0};
 
   constexpr std::array<const char*, 5> formats{"TrueType", "CFF", "CFF2", "no", "UFO"};
   std::string out =
