@@ -183,6 +183,13 @@ AreaTolerance take_tolerance(const Json& json, const std::string& place) {
   return tolerance;
 }
 
+std::map<std::string, AreaTolerance> take_tolerances(const Json& json) {
+  if (!json.is_object()) throw RequestError("tolerances: must be an object");
+  std::map<std::string, AreaTolerance> tolerances;
+  for (const auto& [name, one] : json.items()) tolerances[name] = take_tolerance(one, "tolerances." + name);
+  return tolerances;
+}
+
 GlyphArea take_glyph(const Json& json, const std::string& place, AreaMetrics metrics) {
   ObjectReader object(json, place);
   GlyphArea glyph;
@@ -307,18 +314,21 @@ AreaBaseline parse_baseline(const std::string& json) {
       object.fail("locations", "must be a list of places");
     baseline.locations = list.get<std::vector<std::string>>();
   }
-  if (object.has("tolerances")) {
-    const Json& tolerances = object.take("tolerances");
-    if (!tolerances.is_object()) object.fail("tolerances", "must be an object");
-    for (const auto& [name, one] : tolerances.items())
-      baseline.tolerances[name] = take_tolerance(one, "tolerances." + name);
-  }
+  if (object.has("tolerances")) baseline.tolerances = take_tolerances(object.take("tolerances"));
   const Json& glyphs = object.take("glyphs");
   if (!glyphs.is_array()) object.fail("glyphs", "must be a list");
   for (std::size_t i = 0; i < glyphs.size(); ++i)
     baseline.glyphs.push_back(take_glyph(glyphs[i], text("glyphs[", i, "]"), baseline.metrics));
   object.finish();
   return baseline;
+}
+
+std::map<std::string, AreaTolerance> load_tolerances(const std::string& path) {
+  return naming_file(path, read_text(path), [](const std::string& text) {
+    const Json json = Json::parse(text, nullptr, false);
+    const bool has_any = json.is_object() && json.contains("tolerances");
+    return has_any ? take_tolerances(json.at("tolerances")) : std::map<std::string, AreaTolerance>{};
+  });
 }
 
 AreaBaseline load_baseline(const std::string& path) {

@@ -88,6 +88,9 @@ std::string baseline_json(const AreaBaseline& baseline);
 
 /// Throws  RequestError, naming the place: not such a file, an unknown key or version.
 AreaBaseline parse_baseline(const std::string& json);
+/// Only the tolerances of a baseline of any version; none if the file is not JSON.
+/// Throws  RequestError, naming the file and the place, if they are no such tolerances.
+std::map<std::string, AreaTolerance> load_tolerances(const std::string& path);
 /// Throws  RequestError, naming the file.
 AreaBaseline load_baseline(const std::string& path);
 

@@ -254,7 +254,7 @@ Outcome measure_area(const Request& request, const MeasureAreaRequest& measure) 
   glyphs::AreaBaseline baseline = measured(request, metrics, measure.locations);
   // Tolerances are written by hand: a baseline measured anew keeps them.
   if (!measure.output.empty() && std::filesystem::is_regular_file(measure.output))
-    baseline.tolerances = glyphs::load_baseline(measure.output).tolerances;
+    baseline.tolerances = glyphs::load_tolerances(measure.output);
   const std::string json = !measure.output.empty() || request.json ? glyphs::baseline_json(baseline) : "";
   if (!measure.output.empty()) glyphs::write_file(measure.output, json);
   if (request.json) return {json, "", 0};
