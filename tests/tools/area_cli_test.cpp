@@ -2,6 +2,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/bundled_fonts.h"
+#include "tests/glyphs/variable_bytes.h"
 #include "tests/tools/program.h"
 
 using nlohmann::json;
@@ -132,6 +133,27 @@ TEST_CASE("a baseline measured anew keeps the tolerances written into it", "[cli
   baseline_in(folder);
   CHECK(glyphwave({"area", "check", base, drifted}).status == 0);
   CHECK_THAT(contents(base), Catch::Contains(R"("o":{"percent":50.0,"move":1000.0})"));
+}
+
+TEST_CASE("a variable font is measured and compared at several places", "[cli][area]") {
+  const TestFolder folder;
+  const variable_bytes::Bytes bytes = variable_bytes::font_of(variable_bytes::variable_tables());
+  put(folder / "V.ttf", {bytes.begin(), bytes.end()});
+  const std::string base = folder / "base.json";
+  REQUIRE(glyphwave({"area", "measure", folder / "V.ttf", "--location", "wght=400", "--location", "wght=900",
+                     "--metrics", "all", "-q", "-o", base})
+              .status == 0);
+  const json baseline = json::parse(contents(base));
+  CHECK(baseline["locations"] == json({"wght=400", "wght=900"}));
+  const json& lines = baseline["glyphs"];
+  REQUIRE(lines.size() >= 2);
+  CHECK(lines[0]["name"] == lines[1]["name"]);
+  CHECK(lines[0]["location"] == "wght=400");
+  CHECK(lines[1]["location"] == "wght=900");
+  CHECK(glyphwave({"area", "check", base, folder / "V.ttf"}).status == 0);
+  const json audit = json::parse(
+      glyphwave({"area", "audit", folder / "V.ttf", "--location", "wght=400", "--location", "wght=900", "--json"}).out);
+  CHECK(audit["fonts"].size() == 2);
 }
 
 TEST_CASE("area audit sets fonts side by side, ranks glyphs, and gives the numbers as JSON", "[cli][area]") {

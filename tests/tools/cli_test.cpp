@@ -579,7 +579,7 @@ TEST_CASE("a selection is by name, code point, range, glyph number, file or text
   CHECK(measured({"--glyphs", "U+0061-0062"}) == "ab");
   CHECK(measured({"--glyphs", "@" + (folder / "list")}) == "ab");
   CHECK(measured({"--text", "abba"}) == "ab");
-  CHECK(measured({"--text", "[a]", "--features", "-kern"}) == "bracketleftbracketrighta");
+  CHECK(measured({"--text", "[a]", "--features", "-kern"}) == "abracketleftbracketright");
   check_refusal(glyphwave({"area", "measure", serif, "--glyphs", "nosuch"}), {"LiberationSerif-Regular.ttf", "nosuch"});
   check_refusal(glyphwave({"area", "measure", serif, "--text", ""}), {"empty"});
   check_refusal(glyphwave({"area", "measure", serif, "--text", "a\xFF"}), {"UTF-8"});
