@@ -5,6 +5,7 @@
 #include "fontcore/error.h"
 #include "fontcore/contour.h"
 #include "fontcore/measure.h"
+#include "fontcore/spectrum.h"
 #include "fontcore/alignment.h"
 #include "fontcore/crossing.h"
 #include "fontcore/ink.h"

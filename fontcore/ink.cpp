@@ -462,6 +462,73 @@ Ink measure_ink(const std::vector<BezierContour>& contours, const std::vector<Cr
   return ink;
 }
 
+namespace {
+
+bool overlap(const Box& a, const Box& b) {
+  return (a.low.array() <= b.high.array()).all() && (b.low.array() <= a.high.array()).all();
+}
+
+// Pairs of segments compared to tell which contours meet: hundred times what the richest drawn glyphs take.
+constexpr std::int64_t most_orientation_work = 20'000'000;
+
+/// Whether contours meet; if that takes too much to tell, they may.
+bool may_meet(const BezierContour& a, const BezierContour& b) {
+  const auto boxes_of = [](const BezierContour& contour) {
+    std::vector<Box> boxes(static_cast<std::size_t>(contour.segment_count()));
+    for (int s = 0; s < contour.segment_count(); ++s) {
+      const Bezier bezier = contour.segment(s);
+      for (int k = 0; k <= bezier.degree; ++k)
+        boxes[static_cast<std::size_t>(s)].add(bezier.p[static_cast<std::size_t>(k)]);
+    }
+    return boxes;
+  };
+  const std::vector<Box> of_b = boxes_of(b);
+  const std::vector<Box> of_a = boxes_of(a);
+  const Box box_b = control_box(b);
+  const bool are_near = std::any_of(of_a.begin(), of_a.end(), [&](const Box& one) {
+    return overlap(one, box_b) &&
+           std::any_of(of_b.begin(), of_b.end(), [&](const Box& other) { return overlap(one, other); });
+  });
+  if (!are_near) return false;
+  try {
+    const std::vector<Crossing> found = find_crossings({a, b});
+    return std::any_of(found.begin(), found.end(), [](const Crossing& at) { return at.a.contour != at.b.contour; });
+  } catch (const WorkLimitExceeded&) {
+    return true;
+  }
+}
+
+}  // namespace
+
+std::vector<int> orientation_signs(const std::vector<BezierContour>& contours) {
+  const std::size_t n = contours.size();
+  if (n == 1) return {signed_area(contours[0]) < 0.0 ? -1 : 1};
+  std::vector<Box> boxes;
+  for (const BezierContour& contour : contours) boxes.push_back(control_box(contour));
+  std::vector<std::size_t> group(n);
+  std::iota(group.begin(), group.end(), std::size_t{0});
+  std::int64_t work = 0;
+  for (std::size_t i = 0; i < n && work <= most_orientation_work; ++i) {
+    for (std::size_t j = i + 1; j < n && work <= most_orientation_work; ++j) {
+      ++work;
+      if (group[i] == group[j] || !overlap(boxes[i], boxes[j])) continue;
+      work += std::int64_t{contours[i].segment_count()} * contours[j].segment_count();
+      const auto lies_in = [&](std::size_t inner, std::size_t outer) {
+        return is_in(boxes[outer], start_of(contours[inner])) &&
+               winding_number(contours[outer], start_of(contours[inner])) != 0;
+      };
+      if (lies_in(i, j) || lies_in(j, i) || may_meet(contours[i], contours[j]))
+        std::replace(group.begin(), group.end(), group[j], std::size_t{group[i]});
+    }
+  }
+  if (work > most_orientation_work) std::fill(group.begin(), group.end(), std::size_t{0});
+  std::vector<double> area(n, 0.0);
+  for (std::size_t i = 0; i < n; ++i) area[group[i]] += signed_area(contours[i]);
+  std::vector<int> signs(n);
+  for (std::size_t i = 0; i < n; ++i) signs[i] = area[group[i]] < 0.0 ? -1 : 1;
+  return signs;
+}
+
 std::vector<Box> closed_counters(const Ink& before, const Ink& after) {
   struct Match {
     double difference;

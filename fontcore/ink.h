@@ -34,6 +34,14 @@ Ink measure_ink(const std::vector<BezierContour>& contours, const std::vector<Cr
 /// Exact   for points farther from the contour than the rounding of its coordinates.
 int winding_number(const BezierContour& contour, const Point& point);
 
+/// The sign by which to count each contour's area so that the sum does not depend on which way round the whole runs:
+/// contours that meet or lie in one another keep their directions to each other, and what they enclose together counts
+/// as positive. A dot beside a stem may run either way; a counter may not. Where telling them apart takes more work
+/// than any drawn glyph, all contours keep their directions to each other.
+///
+/// Shape   1 or -1, one a contour.
+std::vector<int> orientation_signs(const std::vector<BezierContour>& contours);
+
 /// The counters of `before` that are gone, be it that they are filled, open to the outside, or run into another: those
 /// left when each counter of `after` has been given to the one of `before` that it overlaps and whose box differs least
 /// from its own.

@@ -77,6 +77,71 @@ double signed_area(const std::vector<BezierContour>& contours) {
   return area;
 }
 
+Moments& Moments::operator+=(const Moments& other) {
+  area += other.area;
+  first += other.first;
+  second += other.second;
+  return *this;
+}
+
+Moments Moments::about(const Point& o) const {
+  Moments shifted = *this;
+  shifted.first -= area * o;
+  shifted.second += Eigen::Vector3d(-2.0 * o.x() * first.x() + o.x() * o.x() * area,
+                                    -o.x() * first.y() - o.y() * first.x() + o.x() * o.y() * area,
+                                    -2.0 * o.y() * first.y() + o.y() * o.y() * area);
+  return shifted;
+}
+
+namespace {
+
+/// Nodes and weights on [0, 1]; n of them integrate polynomials of degree 2n - 1 exactly. The second moments of a
+/// segment of degree d are one of degree 4d - 1.
+struct GaussRule {
+  std::span<const double> node;
+  std::span<const double> weight;
+};
+
+GaussRule moments_rule(int degree) {
+  static constexpr std::array node2{0.21132486540518712, 0.78867513459481288};
+  static constexpr std::array weight2{0.5, 0.5};
+  static constexpr std::array node4{0.069431844202973714, 0.33000947820757187, 0.66999052179242813,
+                                    0.93056815579702629};
+  static constexpr std::array weight4{0.17392742256872693, 0.32607257743127307, 0.32607257743127307,
+                                      0.17392742256872693};
+  static constexpr std::array node6{0.033765242898423975, 0.16939530676686776, 0.38069040695840156,
+                                    0.61930959304159844,  0.83060469323313224, 0.96623475710157601};
+  static constexpr std::array weight6{0.085662246189585178, 0.18038078652406930, 0.23395696728634552,
+                                      0.23395696728634552,  0.18038078652406930, 0.085662246189585178};
+  switch (degree) {
+    case 1:
+      return {node2, weight2};
+    case 2:
+      return {node4, weight4};
+    default:
+      return {node6, weight6};
+  }
+}
+
+}  // namespace
+
+Moments moments(const BezierContour& contour) {
+  const Point origin = contour.point(0);
+  Moments sum;
+  for (int s = 0; s < contour.segment_count(); ++s) {
+    const Bezier bezier = shifted(contour.segment(s), origin);
+    const GaussRule rule = moments_rule(bezier.degree);
+    for (std::size_t k = 0; k < rule.node.size(); ++k) {
+      const Point p = evaluate(bezier, rule.node[k]);
+      const double sweep = rule.weight[k] * cross(p, derivative(bezier, rule.node[k]));
+      sum.first += sweep / 3.0 * p;
+      sum.second += sweep / 4.0 * Eigen::Vector3d(p.x() * p.x(), p.x() * p.y(), p.y() * p.y());
+    }
+    sum.area += signed_area(bezier);
+  }
+  return sum.about(-origin);
+}
+
 Points area_gradient(const BezierContour& contour) {
   const Point origin = contour.point(0);
   Points gradient = Points::Zero(contour.point_count(), 2);

@@ -32,6 +32,29 @@ double signed_area(const BezierContour& contour);
 bool has_inside(const BezierContour& contour);
 double signed_area(const std::vector<BezierContour>& contours);
 
+/// Area and moments of what contours enclose, about the origin: integrals of 1, of x and y, and of xx, xy and yy.
+struct Moments {
+  double area = 0.0;                                 ///< square font units
+  Point first = Point::Zero();                       ///< font units to the third
+  Eigen::Vector3d second = Eigen::Vector3d::Zero();  ///< xx, xy, yy; font units to the fourth
+
+  Moments& operator+=(const Moments& other);
+  /// Point of balance; not finite if the area is 0.
+  Point centroid() const { return first / area; }
+  /// The same region's, seen from another origin.
+  Moments about(const Point& origin) const;
+};
+inline Moments operator*(double factor, const Moments& moments) {
+  return {factor * moments.area, factor * moments.first, factor * moments.second};
+}
+
+/// Exact moments, with the sign of the area.
+///
+/// Exact   to rounding: Gauss-Legendre rules that integrate polynomials of these degrees exactly, taken about the
+///         contour's first point.
+/// Source  Green's theorem: the integral of a form f of degree n is that of f(p) cross(p, dp) / (n + 2) round the edge.
+Moments moments(const BezierContour& contour);
+
 /// Gradient of the signed area with respect to every point; implied nodes count as points of their own.
 ///
 /// Shape   n×2 like the contour's points.

@@ -49,10 +49,9 @@ std::vector<BezierContour> outline_for(const Font& font, int glyph, Facts& facts
   }
 }
 
-ContourFacts facts_of(const BezierContour& contour, Detail detail, int units_per_em) {
+ContourFacts facts_of(const BezierContour& contour, int units_per_em) {
   ContourFacts facts;
   facts.area = fontcore::signed_area(contour);
-  if (detail == Detail::Area) return facts;
   facts.points = static_cast<int>(std::count_if(contour.kinds().begin(), contour.kinds().end(),
                                                 [](auto kind) { return kind != fontcore::PointKind::ImpliedNode; }));
   facts.segments = contour.segment_count();
@@ -77,8 +76,7 @@ std::string place(const fontcore::Point& where) { return fontcore::text("(", whe
 
 }  // namespace
 
-std::vector<GlyphFacts> inspect(const Font& font, const std::vector<int>& glyphs, Detail detail,
-                                const JobOptions& options) {
+std::vector<GlyphFacts> inspect(const Font& font, const std::vector<int>& glyphs, const JobOptions& options) {
   std::vector<GlyphFacts> all(glyphs.size());
   std::vector<std::int64_t> wanted(glyphs.size(), 0);
   const auto cost = [](const BezierContour& contour) { return contour_cost + contour.point_count(); };
@@ -105,39 +103,37 @@ std::vector<GlyphFacts> inspect(const Font& font, const std::vector<int>& glyphs
     for (const BezierContour& contour : compose(font, glyphs[at])) {
       granted[at] -= cost(contour);
       if (granted[at] < 0) return;
-      all[at].contours.push_back(facts_of(contour, detail, font.units_per_em));
+      all[at].contours.push_back(facts_of(contour, font.units_per_em));
       --all[at].left_out;
     }
   });
   return all;
 }
 
-std::string facts_json(const Font& font, const std::vector<GlyphFacts>& facts, Detail detail) {
+std::string facts_json(const Font& font, const std::vector<GlyphFacts>& facts) {
   std::string text = fontcore::text("{\"version\":1,\"unitsPerEm\":", font.units_per_em, ",\"glyphs\":[");
   const char* separator = "\n";
   for (const GlyphFacts& glyph : facts) {
     Json json{{"name", glyph.name}, {"area", glyph.area}};
     if (!glyph.trouble.empty()) json = {{"name", glyph.name}, {"area", nullptr}, {"trouble", glyph.trouble}};
-    if (detail == Detail::Models) {
-      json["gid"] = glyph.glyph;
-      json["contours"] = Json::array();
-      for (const ContourFacts& contour : glyph.contours) {
-        Json one{{"points", contour.points},
-                 {"segments", contour.segments},
-                 {"area", contour.area},
-                 {"length", contour.length}};
-        if (contour.no_model.empty()) {
-          one["corners"] = contour.corners;
-          one["controlPoints"] = contour.control_points;
-          one["levels"] = contour.levels;
-          one["distance"] = contour.distance;
-        } else {
-          one["noModel"] = contour.no_model;
-        }
-        json["contours"].push_back(std::move(one));
+    json["gid"] = glyph.glyph;
+    json["contours"] = Json::array();
+    for (const ContourFacts& contour : glyph.contours) {
+      Json one{{"points", contour.points},
+               {"segments", contour.segments},
+               {"area", contour.area},
+               {"length", contour.length}};
+      if (contour.no_model.empty()) {
+        one["corners"] = contour.corners;
+        one["controlPoints"] = contour.control_points;
+        one["levels"] = contour.levels;
+        one["distance"] = contour.distance;
+      } else {
+        one["noModel"] = contour.no_model;
       }
-      if (glyph.left_out > 0) json["contoursLeftOut"] = glyph.left_out;
+      json["contours"].push_back(std::move(one));
     }
+    if (glyph.left_out > 0) json["contoursLeftOut"] = glyph.left_out;
     text += separator + line_of(json);
     separator = ",\n";
   }

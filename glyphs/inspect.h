@@ -32,21 +32,16 @@ struct GlyphFacts {
   int left_out = 0;  ///< contours that follow, not looked into one by one: the job's work budget was spent
 };
 
-/// How much is asked: areas are cheap, models are not.
-enum class Detail { Area, Models };
-
 /// The facts of the given glyphs, in their order; the same for every number of threads.
 ///
 /// Looking into contours one by one comes out of a budget that the whole job shares, by what the font stores: first
 /// every glyph gets what a rich drawn one costs, then those that need more, first come, first served; what is left then
 /// is counted in `GlyphFacts::left_out`. Areas are always of all contours.
-std::vector<GlyphFacts> inspect(const Font& font, const std::vector<int>& glyphs, Detail detail,
-                                const JobOptions& options = {});
+std::vector<GlyphFacts> inspect(const Font& font, const std::vector<int>& glyphs, const JobOptions& options = {});
 
 /// The facts as JSON text, one line a glyph, made to be compared by diff: `{"version", "unitsPerEm", "glyphs":
-/// [{"name", "area", ...}]}`. With `Detail::Area` this is the baseline of `area measure`. Numbers read back to the same
-/// doubles.
-std::string facts_json(const Font& font, const std::vector<GlyphFacts>& facts, Detail detail);
+/// [{"name", "area", ...}]}`. Numbers read back to the same doubles.
+std::string facts_json(const Font& font, const std::vector<GlyphFacts>& facts);
 
 /// Where one glyph's composed outline meets itself.
 struct GlyphCrossings {

@@ -9,14 +9,12 @@ using fontcore::text;
 
 namespace {
 
-// Far more than any recipe or library is, and read within a second and some hundred megabytes.
-constexpr std::size_t most_bytes = std::size_t{16} << 20;
 constexpr int most_nested = 32;
 constexpr std::size_t most_keys = 1000;  // of one object, whose keys are searched one by one
 
 }  // namespace
 
-Json parse_json(const std::string& json) {
+Json parse_json(const std::string& json, std::size_t most_bytes) {
   if (json.size() > most_bytes) throw RequestError(text("is larger than ", most_bytes, " bytes"));
   std::vector<std::set<std::string>> open;
   const auto watch = [&](int depth, Json::parse_event_t event, Json& value) {

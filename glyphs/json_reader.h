@@ -89,9 +89,10 @@ class ObjectReader {
 };
 
 /// JSON as RFC 8259 has it; a key given twice is refused, since only one of the two could be honoured, and so is what
-/// is larger or deeper than any file of ours is.
+/// is larger or deeper than any file of ours is: 16 MB are far more than any recipe or library is, and read within a
+/// second and some hundred megabytes.
 /// Throws  RequestError: why, and near which line.
-Json parse_json(const std::string& json);
+Json parse_json(const std::string& json, std::size_t most_bytes = std::size_t{16} << 20);
 
 /// `read(text)`, with the file's name before what it refuses, and nothing that no terminal should see.
 template <typename Read>

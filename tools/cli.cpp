@@ -77,6 +77,10 @@ struct Options {
   std::string output;
   std::vector<std::string> locations;
   std::vector<std::string> words;  ///< of restyle, behind the first font
+  commands::MeasureAreaRequest measure_area;
+  commands::CheckAreaRequest check_area;
+  commands::AuditAreaRequest audit_area;
+  commands::ReportRequest report;
   commands::RestyleRequest restyle;
   commands::FamilyRequest family;
   commands::SimplifyRequest simplify;
@@ -95,11 +99,24 @@ struct Command {
   const char* help;
   void (*add_options)(CLI::App&, Options&);
   Outcome (*run)(const Options&);
-  bool takes_places = false;  ///< several of them
+  bool takes_places = false;  ///< --location more than once
 };
 
 CLI::Option* add_output(CLI::App& app, Options& options, const char* help) {
   return app.add_option("-o,--output", options.output, help);
+}
+
+void add_font(CLI::App& app, Options& options) {
+  app.add_option("FONT", options.request.font, "a font: TTF, OTF, TTC, OTC, WOFF, WOFF2 or a UFO folder")->required();
+}
+
+/// Where a report goes, and what it makes of the exit status.
+void add_reports(CLI::App& app, Options& options) {
+  app.add_option("--html", options.report.html, "the report as one HTML page, with pictures where there are any");
+  app.add_option("--junit", options.report.junit, "the report as JUnit XML");
+  app.add_option("--markdown", options.report.markdown, "the report as GitHub-flavoured Markdown");
+  app.add_option("--error-code-on", options.report.error_code_on,
+                 "exit status 1 from this on: ERROR, FATAL, FAIL, WARN, INFO, SKIP, PASS, DEBUG; FAIL unless given");
 }
 
 /// What a command that edits by a recipe says of its work.
@@ -146,7 +163,7 @@ Outcome restyle_family(const Options& options) {
   return commands::restyle_family(options.request, request);
 }
 
-constexpr std::array<Command, 12> table{{
+constexpr std::array<Command, 14> table{{
     {"inspect", "per glyph and contour: points, segments, corners, model, area, length", [](CLI::App&, Options&) {},
      [](const Options& options) { return commands::inspect(options.request); }},
     {"restyle",
@@ -180,9 +197,61 @@ constexpr std::array<Command, 12> table{{
      }},
     {"check", "where outlines meet themselves or each other; exit status 1 if anywhere", [](CLI::App&, Options&) {},
      [](const Options& options) { return commands::check(options.request); }},
-    {"area measure", "exact signed area of every glyph",
-     [](CLI::App& app, Options& options) { add_output(app, options, "the baseline, JSON"); },
-     [](const Options& options) { return commands::measure_area(options.request, options.output); }},
+    {"area measure", "exact areas, moments and lengths of glyphs, as a baseline to compare with",
+     [](CLI::App& app, Options& options) {
+       add_output(app, options, "the baseline, JSON; tolerances written into an old one are kept");
+       app.add_option("--metrics", options.measure_area.metrics,
+                      "area: area, moments, length, advance; all: ink and detail by octaves of size too");
+     },
+     [](const Options& options) {
+       commands::MeasureAreaRequest measure = options.measure_area;
+       measure.output = options.output;
+       measure.locations = options.locations;
+       return commands::measure_area(options.request, measure);
+     },
+     true},
+    {"area check", "glyphs whose area or outline is not that of a baseline; exit status 1 if any",
+     [](CLI::App& app, Options& options) {
+       app.remove_option(app.get_option("FONT"));
+       app.add_option("BASE", options.check_area.baseline, "the baseline, JSON, by `area measure`")->required();
+       add_font(app, options);
+       app.add_option("--tolerance-percent", options.check_area.tolerance_percent,
+                      "change of area allowed, of a glyph and of each of its contours; 0.1 unless given");
+       app.add_option("--tolerance-units", options.check_area.tolerance_units,
+                      "the same in square font units, where that is more; 0 unless given");
+       app.add_option("--tolerance-move", options.check_area.tolerance_move,
+                      "change of an outline allowed that keeps its area, thousandths of the em; 0.25 unless given");
+       app.add_option(
+           "--tolerance-curve", options.check_area.tolerance_curve,
+           "distance of outlines whose curves are of another kind now, thousandths of the em; 1 unless given");
+       app.add_flag("--area-only", options.check_area.area_only, "outlines may change while areas stay");
+       app.add_flag("--rescale", options.check_area.rescale, "another number of units to the em is no finding");
+       app.add_option("--against", options.check_area.against, "the font before, for the pictures of --html");
+       add_reports(app, options);
+     },
+     [](const Options& options) {
+       if (!options.locations.empty()) throw RequestError("--location: the baseline says at which places to compare");
+       commands::CheckAreaRequest check = options.check_area;
+       check.report = options.report;
+       return commands::check_area(options.request, check);
+     },
+     true},
+    {"area audit", "colour of glyphs against n, H and the median, of one font or a family side by side",
+     [](CLI::App& app, Options& options) {
+       app.remove_option(app.get_option("FONT"));
+       app.add_option("FONT", options.audit_area.fonts, "fonts: TTF, OTF, TTC, OTC, WOFF, WOFF2 or UFO folders")
+           ->required();
+       app.add_option("--frequencies", options.audit_area.frequencies,
+                      "how often letters occur in text, JSON: {\"a\": 8.2, ..}; of English unless given");
+       add_reports(app, options);
+     },
+     [](const Options& options) {
+       commands::AuditAreaRequest audit = options.audit_area;
+       audit.report = options.report;
+       audit.locations = options.locations;
+       return commands::audit_area(options.request, audit);
+     },
+     true},
     {"character extract", "the detail of glyphs below a feature size, as a library",
      [](CLI::App& app, Options& options) {
        add_output(app, options, "the library, JSON")->required();
@@ -337,7 +406,7 @@ const std::map<std::string, std::string> kinds = {
 
 void add_common_options(CLI::App& app, Options& options) {
   Request& request = options.request;
-  app.add_option("FONT", request.font, "a font: TTF, OTF, TTC, OTC, WOFF, WOFF2 or a UFO folder")->required();
+  add_font(app, options);
   app.add_option("--glyphs", request.glyphs,
                  "names, code points and ranges (U+0041-005A), gid:12, @file; comma separated; repeatable")
       ->allow_extra_args(false);
@@ -357,8 +426,8 @@ void add_common_options(CLI::App& app, Options& options) {
 
 Outcome run(const Command& command, Options& options) {
   if (options.locations.size() > 1 && !command.takes_places) throw RequestError("--location: one place at a time");
-  for (const std::string& place : options.locations)
-    if (place.empty()) throw RequestError("--location: names no place; wght=650 would be one");
+  for (const std::string& location : options.locations)
+    if (location.empty()) throw RequestError("--location: names no place; wght=650 would be one");
   if (!options.locations.empty()) options.request.location = options.locations[0];
   Progress progress(std::string("glyphwave ") + command.name);
   if (!options.no_progress && !options.request.quiet)
@@ -394,13 +463,6 @@ int run_program(int count, char** arguments) {
     command.add_options(*sub, options);
     sub->callback([&] { outcome = run(command, options); });
   }
-  const auto refuse_later = [](CLI::App* parent, const std::string& name, const std::string& whole) {
-    parent->add_subcommand(name, "not in this version")->allow_extras()->group("")->callback([whole] {
-      refuse(whole);
-    });
-  };
-  for (const char* later : {"check", "audit"}) refuse_later(app.get_subcommand("area"), later, text("area ", later));
-
   try {
     app.parse(count, arguments);
   } catch (const CLI::Success& asked) {  // --help, --version

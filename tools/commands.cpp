@@ -7,6 +7,9 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "glyphs/area_audit.h"
+#include "glyphs/area_baseline.h"
+#include "glyphs/area_check.h"
 #include "glyphs/convert.h"
 #include "glyphs/detail_library.h"
 #include "glyphs/error.h"
@@ -127,8 +130,8 @@ void check_outputs(const std::vector<std::string>& inputs, const std::vector<std
 
 Outcome inspect(const Request& request) {
   const Font font = load(request);
-  const auto facts = glyphs::inspect(font, selected(request, font), glyphs::Detail::Models, request.jobs);
-  if (request.json) return {glyphs::facts_json(font, facts, glyphs::Detail::Models), "", 0};
+  const auto facts = glyphs::inspect(font, selected(request, font), request.jobs);
+  if (request.json) return {glyphs::facts_json(font, facts), "", 0};
 
   constexpr std::array<const char*, 5> formats{"TrueType", "CFF", "CFF2", "no", "UFO"};
   std::string out =
@@ -186,19 +189,158 @@ Outcome check(const Request& request) {
   return outcome;
 }
 
-Outcome measure_area(const Request& request, const std::string& output) {
-  check_outputs({request.font}, {output});
-  const Font font = load(request);
-  const auto facts = glyphs::inspect(font, selected(request, font), glyphs::Detail::Area, request.jobs);
-  const std::string json = glyphs::facts_json(font, facts, glyphs::Detail::Area);
-  if (!output.empty()) glyphs::write_file(output, json);
+namespace {
+
+/// Fonts at the places of a design space that are asked for, each with its glyphs' areas.
+glyphs::AreaBaseline measured(const Request& request, glyphs::AreaMetrics metrics,
+                              const std::vector<std::string>& locations, std::vector<Font>* fonts = nullptr) {
+  glyphs::AreaBaseline baseline;
+  baseline.metrics = metrics;
+  baseline.is_selection = has_selection(request);
+  if (!locations.empty()) baseline.locations = locations;
+  for (const std::string& location : baseline.locations) {
+    Request there = request;
+    there.location = location;
+    Font font = load(there);
+    baseline.units_per_em = font.units_per_em;
+    std::vector<glyphs::GlyphArea> areas =
+        glyphs::measure_areas(font, selected(request, font), metrics, location, request.jobs);
+    if (baseline.glyphs.empty())
+      baseline.glyphs = std::move(areas);
+    else
+      std::move(areas.begin(), areas.end(), std::back_inserter(baseline.glyphs));
+    if (fonts != nullptr) fonts->push_back(std::move(font));
+  }
+  if (baseline.locations.size() > 1)
+    std::stable_sort(baseline.glyphs.begin(), baseline.glyphs.end(),
+                     [](const auto& a, const auto& b) { return a.name < b.name; });
+  return baseline;
+}
+
+void refuse_repeats(const std::vector<std::string>& locations) {
+  for (std::size_t i = 0; i < locations.size(); ++i)
+    if (std::find(locations.begin(), locations.begin() + static_cast<std::ptrdiff_t>(i), locations[i]) !=
+        locations.begin() + static_cast<std::ptrdiff_t>(i))
+      throw RequestError("--location " + locations[i] + ": given twice");
+}
+
+/// The report as it was asked for: to files, all or none, and to standard output.
+Outcome reported(const Request& request, const glyphs::Report& report, const ReportRequest& wanted,
+                 const std::string& json) {
+  const glyphs::Status level = glyphs::status_of(wanted.error_code_on);
+  std::vector<glyphs::PendingFile> files;
+  const auto add = [&](const std::string& path, const std::string& page) {
+    if (!path.empty()) files.push_back({path, {page.begin(), page.end()}});
+  };
+  add(wanted.html, wanted.html.empty() ? "" : glyphs::report_html(report));
+  add(wanted.junit, wanted.junit.empty() ? "" : glyphs::report_junit(report));
+  add(wanted.markdown, wanted.markdown.empty() ? "" : glyphs::report_markdown(report));
+  glyphs::write_files(files);
+  Outcome outcome;
+  outcome.status = report.worst() >= level && report.worst() > glyphs::Status::Pass ? 1 : 0;
+  if (request.json)
+    outcome.text = json;
+  else if (!request.quiet || outcome.status != 0)
+    outcome.text = glyphs::report_text(report);
+  return outcome;
+}
+
+}  // namespace
+
+Outcome measure_area(const Request& request, const MeasureAreaRequest& measure) {
+  using glyphs::AreaMetrics;
+  check_outputs({request.font}, {measure.output});
+  refuse_repeats(measure.locations);
+  const AreaMetrics metrics =
+      chosen<AreaMetrics>("--metrics", measure.metrics, {{"area", AreaMetrics::Area}, {"all", AreaMetrics::All}});
+  glyphs::AreaBaseline baseline = measured(request, metrics, measure.locations);
+  // Tolerances are written by hand: a baseline measured anew keeps them.
+  if (!measure.output.empty() && std::filesystem::is_regular_file(measure.output))
+    baseline.tolerances = glyphs::load_tolerances(measure.output);
+  const std::string json = !measure.output.empty() || request.json ? glyphs::baseline_json(baseline) : "";
+  if (!measure.output.empty()) glyphs::write_file(measure.output, json);
   if (request.json) return {json, "", 0};
-  if (!output.empty())
-    return {request.quiet ? "" : text(output, ": areas of ", count(facts.size(), "glyph"), "\n"), "", 0};
+  if (!measure.output.empty())
+    return {request.quiet ? "" : text(measure.output, ": areas of ", count(baseline.glyphs.size(), "glyph"), "\n"), "",
+            0};
   std::string out;
-  for (const glyphs::GlyphFacts& glyph : facts)
-    out += glyph.name + " " + (glyph.trouble.empty() ? exact(glyph.area) : glyph.trouble) + "\n";
+  for (const glyphs::GlyphArea& glyph : baseline.glyphs) {
+    out += glyph.name + (glyph.location.empty() ? "" : " at " + glyph.location) + " ";
+    if (!glyph.trouble.empty()) {
+      out += glyph.trouble + "\n";
+      continue;
+    }
+    out += exact(glyph.area);
+    if (glyph.ink)
+      out += text(" ink ", rounded(*glyph.ink, 10), " advance ", rounded(glyph.advance), " length ",
+                  rounded(glyph.length));
+    out += "\n";
+  }
   return {std::move(out), "", 0};
+}
+
+Outcome check_area(const Request& request, const CheckAreaRequest& check) {
+  const ReportRequest& report = check.report;
+  check_outputs({request.font, check.baseline, check.against}, {report.html, report.junit, report.markdown});
+  glyphs::status_of(report.error_code_on);  // refused before anything is read
+  for (const auto& [option, value] :
+       {std::pair("--tolerance-percent", check.tolerance_percent),
+        std::pair("--tolerance-units", check.tolerance_units), std::pair("--tolerance-move", check.tolerance_move),
+        std::pair("--tolerance-curve", check.tolerance_curve)})
+    if (!(value >= 0.0) || !std::isfinite(value))
+      throw RequestError(text(option, " ", value, ": not negative is expected"));
+  const glyphs::AreaBaseline before = glyphs::load_baseline(check.baseline);
+  const std::vector<std::string> locations =
+      before.locations == std::vector<std::string>{""} ? std::vector<std::string>{} : before.locations;
+  std::vector<Font> fonts;
+  const glyphs::AreaBaseline now = naming(request.font, [&] {
+    return measured(request, before.metrics, locations, report.html.empty() ? nullptr : &fonts);
+  });
+  glyphs::AreaComparison comparison = glyphs::compare_areas(before, now, request.font,
+                                                            {.percent = check.tolerance_percent,
+                                                             .units = check.tolerance_units,
+                                                             .move = check.tolerance_move,
+                                                             .curve = check.tolerance_curve,
+                                                             .area_only = check.area_only,
+                                                             .rescale = check.rescale});
+  comparison.report.notes.push_back(
+      "Compared with " + check.baseline +
+      (before.metrics == glyphs::AreaMetrics::Area
+           ? ", which has areas and moments alone; --metrics all measures ink and detail too."
+           : "."));
+  for (std::size_t i = 0; i < fonts.size(); ++i) {
+    std::optional<Font> old;
+    if (!check.against.empty()) {
+      glyphs::LoadOptions options;
+      if (!now.locations[i].empty()) options.location = glyphs::parse_location(now.locations[i]);
+      old = glyphs::load_font(check.against, options);
+    }
+    for (glyphs::Picture& picture : glyphs::draw_drifts(comparison, now.locations[i], fonts[i], old ? &*old : nullptr))
+      comparison.report.pictures.push_back(std::move(picture));
+  }
+  if (!comparison.report.pictures.empty() && check.against.empty())
+    comparison.report.notes.push_back(
+        "Pictures show the glyphs as they are now: a baseline holds no outlines. --against FONT shows those before "
+        "too.");
+  return reported(request, comparison.report, report, request.json ? glyphs::report_json(comparison.report) : "");
+}
+
+Outcome audit_area(const Request& request, const AuditAreaRequest& audit) {
+  check_outputs(audit.fonts, {audit.report.html, audit.report.junit, audit.report.markdown});
+  glyphs::status_of(audit.report.error_code_on);
+  refuse_repeats(audit.locations);
+  glyphs::Frequencies frequencies = glyphs::english_frequencies();
+  if (!audit.frequencies.empty()) frequencies = glyphs::load_frequencies(audit.frequencies);
+  std::vector<glyphs::FontColour> fonts;
+  for (const std::string& path : audit.fonts) {
+    Request one = request;
+    one.font = path;
+    const glyphs::AreaBaseline areas = measured(one, glyphs::AreaMetrics::All, audit.locations);
+    for (const std::string& location : areas.locations)
+      fonts.push_back(glyphs::colour_of(areas, path, location, frequencies));
+  }
+  const glyphs::Report report = glyphs::audit_colour(fonts);
+  return reported(request, report, audit.report, request.json ? glyphs::audit_json(report, fonts) : "");
 }
 
 namespace {

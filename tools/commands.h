@@ -39,8 +39,41 @@ Outcome inspect(const Request& request);
 
 Outcome check(const Request& request);
 
-/// With `output` the areas go to that file as the baseline.
-Outcome measure_area(const Request& request, const std::string& output);
+struct MeasureAreaRequest {
+  std::string output;                  ///< the baseline; empty: none
+  std::string metrics = "area";        ///< or all
+  std::vector<std::string> locations;  ///< of a variable font; none: its default
+};
+Outcome measure_area(const Request& request, const MeasureAreaRequest& measure);
+
+/// Where a report goes beside standard output, and what makes the exit status 1.
+struct ReportRequest {
+  std::string html;      ///< empty: none
+  std::string junit;     ///< empty: none
+  std::string markdown;  ///< empty: none
+  std::string error_code_on = "FAIL";
+};
+
+struct CheckAreaRequest {
+  std::string baseline;
+  std::string against;  ///< the font before, for pictures; empty: none
+  double tolerance_percent = 0.1;
+  double tolerance_units = 0.0;
+  double tolerance_move = 0.25;
+  double tolerance_curve = 1.0;
+  bool area_only = false;
+  bool rescale = false;
+  ReportRequest report;
+};
+Outcome check_area(const Request& request, const CheckAreaRequest& check);
+
+struct AuditAreaRequest {
+  std::vector<std::string> fonts;
+  std::vector<std::string> locations;  ///< all fonts at each
+  std::string frequencies;             ///< of letters, JSON; empty: English
+  ReportRequest report;
+};
+Outcome audit_area(const Request& request, const AuditAreaRequest& audit);
 
 struct RestyleRequest {
   std::string recipe;

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Installs what glyphwave needs from Debian and is not there yet; does nothing if nothing is missing.
+# Installs what glyphwave needs from Debian and is not there yet, and the packages named as arguments; does nothing if
+# nothing is missing.
 # As another user than root it prints the one line to run and ends with 1.
 set -euo pipefail
 
@@ -8,6 +9,7 @@ packages=(
   libfreetype-dev libharfbuzz-dev libcairo2-dev libwoff-dev zlib1g-dev libpugixml-dev libeigen3-dev libcgal-dev
   nlohmann-json3-dev libcli11-dev
   catch2 libbenchmark-dev clang-format opentype-sanitizer
+  "$@"
 )
 
 missing=()

@@ -346,3 +346,15 @@ TEST_CASE("outlines made to exhaust the measure are given up", "[ink]") {
       measure_ink({shapes::square(500), moved(shapes::square(500), 100, 100)}, CrossingOptions{.most_work = 10}),
       WorkLimitExceeded);
 }
+
+TEST_CASE("contours that nest or meet keep their directions to each other, others count as positive", "[ink]") {
+  const BezierContour outer = rectangle(0, 0, 400, 400);
+  const BezierContour inner = reverse(rectangle(100, 100, 300, 300));
+  const BezierContour apart = rectangle(500, 0, 600, 100);
+  const BezierContour across = rectangle(350, 150, 450, 250);
+  CHECK(orientation_signs({outer, inner, apart}) == std::vector<int>{1, 1, 1});
+  CHECK(orientation_signs({reverse(outer), reverse(inner), apart}) == std::vector<int>{-1, -1, 1});
+  CHECK(orientation_signs({outer, inner, reverse(apart)}) == std::vector<int>{1, 1, -1});
+  CHECK(orientation_signs({inner, reverse(across), outer}) == std::vector<int>{1, 1, 1});
+  CHECK(orientation_signs({reverse(outer)}) == std::vector<int>{-1});
+}

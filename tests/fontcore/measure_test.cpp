@@ -1,5 +1,8 @@
 #include "fontcore/measure.h"
 
+#include <cmath>
+#include <numbers>
+
 #include "fontcore/error.h"
 #include "tests/catch.h"
 #include "tests/shapes.h"
@@ -171,4 +174,44 @@ TEST_CASE("the gradient of the length is what moving a point adds to it", "[meas
       CHECK(gradient(p, axis) == Approx((length_with(0.01) - length_with(-0.01)) / 0.02).margin(1e-5));
     }
   }
+}
+
+TEST_CASE("moments of a rectangle and of a disc are those of the textbook", "[measure]") {
+  const Moments box = moments(shapes::polygon({{10, 20}, {310, 20}, {310, 120}, {10, 120}}));
+  CHECK(box.area == 30000.0);
+  CHECK(box.centroid().x() == Approx(160.0).epsilon(1e-14));
+  CHECK(box.centroid().y() == Approx(70.0).epsilon(1e-14));
+  const Moments about = box.about(box.centroid());
+  CHECK(about.second[0] == Approx(100.0 * std::pow(300.0, 3) / 12.0).epsilon(1e-12));
+  CHECK(about.second[1] == Approx(0.0).margin(1e-4));
+  CHECK(about.second[2] == Approx(300.0 * std::pow(100.0, 3) / 12.0).epsilon(1e-12));
+  const double r = 300.0;
+  const Moments disc = moments(shapes::circle(r));  // by cubics, within 3e-4 of it
+  CHECK(disc.second[0] == Approx(std::numbers::pi / 4.0 * std::pow(r, 4)).epsilon(1e-3));
+}
+
+TEST_CASE("moments are those of the same curves as cubics, whichever way they run and wherever they lie", "[measure]") {
+  const BezierContour arch = shapes::arch(300);
+  Points raised(0, 2);
+  std::vector<PointKind> kinds;
+  const auto add = [&](const Point& p, PointKind kind) {
+    raised.conservativeResize(raised.rows() + 1, 2);
+    raised.row(raised.rows() - 1) = p.transpose();
+    kinds.push_back(kind);
+  };
+  for (int s = 0; s < arch.segment_count(); ++s) {
+    const Bezier b = arch.segment(s);
+    add(b.start(), PointKind::Node);
+    if (b.degree == 1) continue;
+    add((b.p[0] + 2.0 * b.p[1]) / 3.0, PointKind::Cubic);
+    add((b.p[2] + 2.0 * b.p[1]) / 3.0, PointKind::Cubic);
+  }
+  const Moments quadratic = moments(arch);
+  for (const Moments& other : {moments(BezierContour(raised, kinds)), -1.0 * moments(reverse(arch)),
+                               moments(transform(arch, {.shift = Point(5000, -7000)})).about(Point(5000, -7000))}) {
+    CHECK(other.area == Approx(quadratic.area).epsilon(1e-12));
+    CHECK((other.first - quadratic.first).norm() < 1e-9 * quadratic.first.norm());
+    CHECK((other.second - quadratic.second).norm() < 1e-8 * quadratic.second.norm());
+  }
+  CHECK(quadratic.area == Approx(signed_area(arch)).epsilon(1e-14));
 }

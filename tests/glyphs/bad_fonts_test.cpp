@@ -492,7 +492,7 @@ struct Looked {
 Looked look_at(const Bytes& bytes) {
   const glyphs::Font font = glyphs::load_font_bytes("bad.ttf", bytes);
   Looked looked;
-  for (const auto& facts : glyphs::inspect(font, glyphs::select_glyphs(font, ""), glyphs::Detail::Models)) {
+  for (const auto& facts : glyphs::inspect(font, glyphs::select_glyphs(font, ""))) {
     looked.into += std::ssize(facts.contours);
     looked.left_out += facts.left_out;
   }

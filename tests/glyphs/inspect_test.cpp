@@ -11,7 +11,6 @@
 #include "tests/bundled_fonts.h"
 #include "tests/catch.h"
 
-using glyphs::Detail;
 using glyphs::Font;
 
 namespace {
@@ -37,7 +36,7 @@ fontcore::BezierContour polygon(const std::vector<fontcore::Point>& corners) {
 
 TEST_CASE("a square is four corners, four lines, its area and its length", "[inspect]") {
   const Font font = font_of({polygon({{0, 0}, {600, 0}, {600, 600}, {0, 600}})});
-  const auto facts = glyphs::inspect(font, {0}, Detail::Models);
+  const auto facts = glyphs::inspect(font, {0});
   REQUIRE(facts.size() == 1);
   CHECK(facts[0].area == 360000.0);
   REQUIRE(facts[0].contours.size() == 1);
@@ -53,7 +52,7 @@ TEST_CASE("a square is four corners, four lines, its area and its length", "[ins
 
 TEST_CASE("a contour without area has no model, and the reason is named", "[inspect]") {
   const Font font = font_of({polygon({{0, 0}, {600, 0}})});
-  const auto facts = glyphs::inspect(font, {0}, Detail::Models);
+  const auto facts = glyphs::inspect(font, {0});
   CHECK_FALSE(facts[0].contours[0].no_model.empty());
   CHECK(facts[0].trouble.empty());
 }
@@ -64,19 +63,19 @@ TEST_CASE("a glyph that cannot be composed is named and does not stop the others
   font.glyphs[1].id = 1;
   font.glyphs[1].name = "broken";
   font.glyphs[1].components.push_back({.glyph = 1});
-  const auto facts = glyphs::inspect(font, {0, 1}, Detail::Area);
+  const auto facts = glyphs::inspect(font, {0, 1});
   CHECK(facts[0].trouble.empty());
   CHECK_FALSE(facts[1].trouble.empty());
-  const auto json = nlohmann::json::parse(glyphs::facts_json(font, facts, Detail::Area));
+  const auto json = nlohmann::json::parse(glyphs::facts_json(font, facts));
   CHECK(json["glyphs"][1]["area"].is_null());
   CHECK(json["glyphs"][1]["trouble"] == facts[1].trouble);
 }
 
-TEST_CASE("areas as JSON are one line a glyph and read back to the same numbers", "[inspect]") {
+TEST_CASE("facts as JSON are one line a glyph and read back to the same numbers", "[inspect]") {
   const Font font = glyphs::load_font(bundled_otf[0]);
-  const auto selected = glyphs::select_glyphs(font, "");
-  const auto facts = glyphs::inspect(font, selected, Detail::Area);
-  const std::string text = glyphs::facts_json(font, facts, Detail::Area);
+  const auto selected = glyphs::select_glyphs(font, "U+0041-005A");
+  const auto facts = glyphs::inspect(font, selected);
+  const std::string text = glyphs::facts_json(font, facts);
   CHECK(std::count(text.begin(), text.end(), '\n') == static_cast<std::ptrdiff_t>(selected.size()) + 2);
   const auto json = nlohmann::json::parse(text);
   CHECK(json["version"] == 1);
@@ -91,9 +90,7 @@ TEST_CASE("areas as JSON are one line a glyph and read back to the same numbers"
 TEST_CASE("facts do not depend on the number of threads", "[inspect]") {
   const Font font = glyphs::load_font(bundled_otf[0]);
   const auto selected = glyphs::select_glyphs(font, "U+0041-005A");
-  const auto text = [&](int jobs) {
-    return glyphs::facts_json(font, glyphs::inspect(font, selected, Detail::Models, {.jobs = jobs}), Detail::Models);
-  };
+  const auto text = [&](int jobs) { return glyphs::facts_json(font, glyphs::inspect(font, selected, {.jobs = jobs})); };
   CHECK(text(1) == text(2));
   CHECK(text(1) == text(7));
 }

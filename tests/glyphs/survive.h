@@ -91,7 +91,7 @@ inline Survived survive(const glyphs::Bytes& bytes, const glyphs::Location& loca
   CHECK(stored <= 4 * std::ssize(bytes) + glyphs::max_composed_points);
 
   std::ptrdiff_t listed = 0;
-  for (const auto& facts : glyphs::inspect(font, drawn, glyphs::Detail::Models, {.jobs = 1})) {
+  for (const auto& facts : glyphs::inspect(font, drawn, {.jobs = 1})) {
     if (facts.trouble.empty()) CHECK(std::isfinite(facts.area));
     listed += std::ssize(facts.contours);
   }

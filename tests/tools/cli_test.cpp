@@ -1,86 +1,16 @@
-// The program as a user meets it: arguments in; exit status, standard output, standard error and files out.
-
-#include <fcntl.h>
-#include <spawn.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
-#include <algorithm>
 #include <cstdlib>
-#include <filesystem>
-#include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
-#include <sstream>
-#include <string>
-#include <vector>
 
 #include "tests/bundled_fonts.h"
-#include "tests/catch.h"
-#include "tests/folder.h"
+#include "tests/tools/program.h"
 
 namespace fs = std::filesystem;
 using nlohmann::json;
 
 namespace {
 
-std::string contents(const fs::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  std::ostringstream all;
-  all << in.rdbuf();
-  return all.str();
-}
-
-void put(const fs::path& path, const std::string& text) { std::ofstream(path, std::ios::binary) << text; }
-
 using Folder = TestFolder;
-
-struct Run {
-  int status = -1;
-  std::string out;
-  std::string err;
-};
-
-/// Runs a program, found in PATH if it is a plain name; standard output may go to a device instead.
-Run run_program(const std::string& program, std::vector<std::string> arguments,
-                const std::string& standard_output = "") {
-  const Folder folder;
-  const std::string out = standard_output.empty() ? folder / "out" : standard_output;
-  const std::string err = folder / "err";
-  arguments.insert(arguments.begin(), program);
-  std::vector<char*> pointers;
-  for (std::string& argument : arguments) pointers.push_back(argument.data());
-  pointers.push_back(nullptr);
-
-  posix_spawn_file_actions_t actions;
-  posix_spawn_file_actions_init(&actions);
-  posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
-  posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, out.c_str(), O_WRONLY | O_CREAT, 0600);
-  posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, err.c_str(), O_WRONLY | O_CREAT, 0600);
-  pid_t child = 0;
-  CAPTURE(program);
-  REQUIRE(posix_spawnp(&child, program.c_str(), &actions, nullptr, pointers.data(), environ) == 0);
-  posix_spawn_file_actions_destroy(&actions);
-  int ended = 0;
-  REQUIRE(waitpid(child, &ended, 0) == child);
-  REQUIRE(WIFEXITED(ended));
-  return {WEXITSTATUS(ended), standard_output.empty() ? contents(out) : "", contents(err)};
-}
-
-Run glyphwave(const std::vector<std::string>& arguments, const std::string& standard_output = "") {
-  return run_program(GLYPHWAVE_PROGRAM, arguments, standard_output);
-}
-
-/// One line that begins with the program's name and holds every one of these words.
-void check_refusal(const Run& run, const std::vector<std::string>& words) {
-  CAPTURE(run.out, run.err);
-  CHECK(run.status == 2);
-  CHECK(run.out.empty());
-  CHECK(run.err.starts_with("glyphwave: "));
-  CHECK(std::count(run.err.begin(), run.err.end(), '\n') == 1);
-  CHECK(run.err.ends_with('\n'));
-  for (const std::string& word : words) CHECK_THAT(run.err, Catch::Contains(word));
-}
 
 /// All files below a folder, by their paths in it.
 std::map<std::string, std::string> tree(const fs::path& folder) {
@@ -128,8 +58,6 @@ TEST_CASE("misuse is one line and status 2", "[cli]") {
 }
 
 TEST_CASE("what this version does not have yet is refused by name", "[cli]") {
-  check_refusal(glyphwave({"area", "check", "base.json", serif}), {"area check", "not in this version"});
-  check_refusal(glyphwave({"area", "audit", serif}), {"area audit", "not in this version"});
   check_refusal(glyphwave({"inspect", serif, "--location", "wght=650"}), {serif, "is not variable"});
   check_refusal(glyphwave({"inspect", serif, "--location", "wght=bold"}), {"--location", "is no number"});
   check_refusal(glyphwave({"inspect", serif, "--location", ""}), {"--location", "names no place"});
@@ -647,7 +575,7 @@ TEST_CASE("a selection is by name, code point, range, glyph number, file or text
   CHECK(measured({"--glyphs", "U+0061-0062"}) == "ab");
   CHECK(measured({"--glyphs", "@" + (folder / "list")}) == "ab");
   CHECK(measured({"--text", "abba"}) == "ab");
-  CHECK(measured({"--text", "[a]", "--features", "-kern"}) == "bracketleftbracketrighta");
+  CHECK(measured({"--text", "[a]", "--features", "-kern"}) == "abracketleftbracketright");
   check_refusal(glyphwave({"area", "measure", serif, "--glyphs", "nosuch"}), {"LiberationSerif-Regular.ttf", "nosuch"});
   check_refusal(glyphwave({"area", "measure", serif, "--text", ""}), {"empty"});
   check_refusal(glyphwave({"area", "measure", serif, "--text", "a\xFF"}), {"UTF-8"});
