@@ -129,6 +129,7 @@ LinkedCurve::LinkedCurve(const BezierContour& contour, const LinkedOptions& opti
       std::make_shared<const Rules>(Rules{options, {}, {}, corners_of(contour, *bezier, options.corner_angle), {}});
   slots_.push_back({std::move(bezier), {}});
   slots_.push_back({std::make_shared<const LinkedPolyline>(), everything()});
+  slots_.push_back({std::make_shared<const LinkedSpline>(options.spline_degree), everything()});
   current_ = bezier_slot;
 }
 
@@ -146,6 +147,7 @@ LinkedCurve::LinkedCurve(const Polyline& polyline, const LinkedOptions& options)
   rules_ = std::make_shared<const Rules>(Rules{options, {}, {}, std::move(corners), {}});
   slots_.push_back({std::make_shared<const LinkedBezier>(), everything()});
   slots_.push_back({std::move(form), {}});
+  slots_.push_back({std::make_shared<const LinkedSpline>(options.spline_degree), everything()});
   current_ = polyline_slot;
 }
 

@@ -203,6 +203,11 @@ class LinkedSpline : public Representation {
     Point p = Point::Zero();
     void add_to(Box& box) const { box.add(p); }
   };
+  Interval reach_of_knot(int index) const;  // where B-splines have weight that have the knot
+  /// Entries first .. first + count - 1 (of any period) replaced by a window's, of which there is a knot for each.
+  LinkedSpline with_window(int first, int count, const std::vector<double>& knots,
+                           const std::vector<Point>& points) const;
+
   int degree_;
   SharedSequence<Entry> points_;
 };
