@@ -129,7 +129,7 @@ LinkedCurve::LinkedCurve(const BezierContour& contour, const LinkedOptions& opti
       std::make_shared<const Rules>(Rules{options, {}, {}, corners_of(contour, *bezier, options.corner_angle), {}});
   slots_.push_back({std::move(bezier), {}});
   slots_.push_back({std::make_shared<const LinkedPolyline>(), everything()});
-  slots_.push_back({std::make_shared<const LinkedSpline>(options.spline_degree), everything()});
+  add_slots();
   current_ = bezier_slot;
 }
 
@@ -147,8 +147,30 @@ LinkedCurve::LinkedCurve(const Polyline& polyline, const LinkedOptions& options)
   rules_ = std::make_shared<const Rules>(Rules{options, {}, {}, std::move(corners), {}});
   slots_.push_back({std::make_shared<const LinkedBezier>(), everything()});
   slots_.push_back({std::move(form), {}});
-  slots_.push_back({std::make_shared<const LinkedSpline>(options.spline_degree), everything()});
+  add_slots();
   current_ = polyline_slot;
+}
+
+void LinkedCurve::add_slots() {
+  slots_.push_back({std::make_shared<const LinkedSpline>(rules_->options.spline_degree), everything()});
+  slots_.push_back({std::make_shared<const LinkedWavelet>(), everything()});
+  slots_.push_back({nullptr, everything()});  // arcwise: made when it is read
+}
+
+const LinkedWavelet& LinkedCurve::wavelet() const {
+  return dynamic_cast<const LinkedWavelet&>(read_slot(wavelet_slot));
+}
+
+const LinkedWavelet& LinkedCurve::arcwise() const {
+  return dynamic_cast<const LinkedWavelet&>(read_slot(arcwise_slot));
+}
+
+LinkedCurve LinkedCurve::with_wavelet(const Changed<LinkedWavelet>& changed) const {
+  return with_changed(wavelet_slot, std::make_shared<const LinkedWavelet>(changed.form), {changed.interval});
+}
+
+LinkedCurve LinkedCurve::with_arcwise(const Changed<LinkedWavelet>& changed) const {
+  return with_changed(arcwise_slot, std::make_shared<const LinkedWavelet>(changed.form), {changed.interval});
 }
 
 double LinkedCurve::epsilon() const { return rules_->options.epsilon; }
@@ -160,6 +182,7 @@ std::vector<double> LinkedCurve::corners() const { return rules_->corners; }
 
 std::size_t LinkedCurve::slot_of(const std::type_info& type) const {
   for (std::size_t i = 0; i < slots_.size(); ++i) {
+    if (i == arcwise_slot) continue;  // of the type of the periodic one
     const Representation& form = *slots_[i].form;
     if (typeid(form) == type) return i;
   }
@@ -180,6 +203,10 @@ SampledSplice LinkedCurve::handed_over(const Interval& interval) const {
 
 const Representation& LinkedCurve::read_slot(std::size_t slot) const {
   Slot& own = slots_[slot];
+  if (!own.form) {
+    own.form =
+        std::make_shared<const LinkedWavelet>(rules_->corners.size() > 1 ? rules_->corners : std::vector<double>{});
+  }
   if (!own.stale.empty()) {
     for (const Interval& interval : own.stale.intervals()) {
       own.form = own.form->splice(handed_over(interval), 0.5 * epsilon());
@@ -329,9 +356,8 @@ LinkedCurve LinkedCurve::with_marks(std::optional<Interval> marks) const {
 std::size_t LinkedCurve::bytes_beyond(const LinkedCurve& older) const {
   std::size_t bytes = sizeof(LinkedCurve) + slots_.capacity() * sizeof(Slot);
   for (std::size_t i = 0; i < slots_.size(); ++i) {
-    if (i >= older.slots_.size() || slots_[i].form != older.slots_[i].form) {
-      bytes += slots_[i].form->bytes_beyond(*older.slots_[std::min(i, older.slots_.size() - 1)].form);
-    }
+    if (!slots_[i].form || i >= older.slots_.size() || slots_[i].form == older.slots_[i].form) continue;
+    bytes += slots_[i].form->bytes_beyond(older.slots_[i].form ? *older.slots_[i].form : *slots_[i].form);
   }
   return bytes;
 }

@@ -187,6 +187,7 @@ class LinkedCurve {
   };
   struct Rules;  // and corners, marks, options
 
+  void add_slots();
   std::size_t slot_of(const std::type_info& type) const;
   const Representation& read_slot(std::size_t slot) const;
   std::vector<Interval> stale_in(std::size_t slot) const { return slots_[slot].stale.intervals(); }

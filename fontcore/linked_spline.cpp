@@ -95,8 +95,8 @@ struct Window {
 /// Variables follow the control points; if the window is closed those of its beginning come again at its end. Targets
 /// ascend.
 /// Throws  UnsatisfiableConstraints if the requirements cannot be met.
-void fit(Window& window, const std::vector<int>& variable, int count, bool is_closed, const std::vector<Sample>& targets,
-         const std::vector<LinkedSpline::Requirement>& requirements) {
+void fit(Window& window, const std::vector<int>& variable, int count, bool is_closed,
+         const std::vector<Sample>& targets, const std::vector<LinkedSpline::Requirement>& requirements) {
   const int degree = window.degree;
   std::vector<int> first;
   for (int v = 0; v < count; ++v) first.push_back(is_closed && v + degree >= count ? 0 : std::max(0, v - degree));
@@ -108,7 +108,8 @@ void fit(Window& window, const std::vector<int>& variable, int count, bool is_cl
   }
   for (const Sample& target : targets) {
     int span = window.span_at(target.t);
-    while (!(window.knots[at(span + 1)] > window.knots[at(span)]) || span + degree + 1 >= static_cast<int>(window.knots.size())) {
+    while (!(window.knots[at(span + 1)] > window.knots[at(span)]) ||
+           span + degree + 1 >= static_cast<int>(window.knots.size())) {
       --span;
     }
     const Weights w = window.weights(span, target.t, 0);
@@ -140,7 +141,8 @@ void fit(Window& window, const std::vector<int>& variable, int count, bool is_cl
     int span = window.span_at(requirement.t);
     if (requirement.side == Side::Left) {
       span = static_cast<int>(std::lower_bound(window.knots.begin(), window.knots.end(), requirement.t) -
-                              window.knots.begin()) - 1;
+                              window.knots.begin()) -
+             1;
     }
     const Weights w = window.weights(span, requirement.t, requirement.derivative);
     const auto row = static_cast<Eigen::Index>(r);
@@ -185,8 +187,9 @@ std::vector<Sample> targets_of(const SampledSplice& samples, const Window& windo
     }
   }
   std::sort(targets.begin(), targets.end(), [](const Sample& a, const Sample& b) { return a.t < b.t; });
-  targets.erase(std::unique(targets.begin(), targets.end(), [](const Sample& a, const Sample& b) { return a.t == b.t; }),
-                targets.end());
+  targets.erase(
+      std::unique(targets.begin(), targets.end(), [](const Sample& a, const Sample& b) { return a.t == b.t; }),
+      targets.end());
   return targets;
 }
 
@@ -229,7 +232,8 @@ std::vector<LinkedSpline::Requirement> requirements_of(const SampledSplice& samp
     requirements.push_back({pin.t, 0, Side::Right, found->p});
     const auto speed = [&](const Sample& other) { return ((other.p - found->p) / (other.t - found->t)).norm(); };
     if (pin.in) requirements.push_back({pin.t, 1, Side::Left, *pin.in * speed(found[-1])});
-    if (pin.out && (pin.is_corner || !pin.in)) requirements.push_back({pin.t, 1, Side::Right, *pin.out * speed(found[1])});
+    if (pin.out && (pin.is_corner || !pin.in))
+      requirements.push_back({pin.t, 1, Side::Right, *pin.out * speed(found[1])});
   }
   return requirements;
 }
@@ -237,7 +241,8 @@ std::vector<LinkedSpline::Requirement> requirements_of(const SampledSplice& samp
 }  // namespace
 
 LinkedSpline::LinkedSpline(int degree) : degree_(degree) {
-  if (degree < 1 || degree > most_degree) throw InvalidInput(text("LinkedSpline: degree ", degree, " is not in [1, 5]"));
+  if (degree < 1 || degree > most_degree)
+    throw InvalidInput(text("LinkedSpline: degree ", degree, " is not in [1, 5]"));
 }
 
 double LinkedSpline::knot(int index) const {
@@ -296,7 +301,8 @@ LinkedSpline LinkedSpline::with_window(int first, int count, const std::vector<d
   LinkedSpline result(degree_);
   if (count == n) {
     for (Entry& entry : entries) entry.t = wrapped(entry.t);
-    const auto least = std::min_element(entries.begin(), entries.end(), [](const Entry& a, const Entry& b) { return a.t < b.t; });
+    const auto least =
+        std::min_element(entries.begin(), entries.end(), [](const Entry& a, const Entry& b) { return a.t < b.t; });
     std::rotate(entries.begin(), least, entries.end());
     result.points_ = SharedSequence<Entry>(entries);
     return result;
@@ -391,7 +397,8 @@ Changed<LinkedSpline> LinkedSpline::fitted(const SampledSplice& samples,
     variable.push_back(is_inside ? count++ : -1);
   }
   if (count >= size()) throw InvalidInput("LinkedSpline::fitted: the interval is the whole curve");
-  if (count == 0) throw UnsatisfiableConstraints("LinkedSpline::fitted: no control point's B-spline lies in the interval");
+  if (count == 0)
+    throw UnsatisfiableConstraints("LinkedSpline::fitted: no control point's B-spline lies in the interval");
   SampledSplice shifted = samples;
   for (Sample& sample : shifted.samples) sample.t += shift;
   std::vector<Requirement> asked = requirements;
@@ -487,8 +494,8 @@ std::shared_ptr<const Representation> LinkedSpline::splice(const SampledSplice& 
         auto result = std::make_shared<LinkedSpline>(degree_);
         std::vector<Entry> entries;
         for (int i = 0; i < n; ++i) entries.push_back({wrapped(knots[at(i)]), window.points[at(i + degree_)]});
-        const auto least = std::min_element(entries.begin(), entries.end(),
-                                            [](const Entry& a, const Entry& b) { return a.t < b.t; });
+        const auto least =
+            std::min_element(entries.begin(), entries.end(), [](const Entry& a, const Entry& b) { return a.t < b.t; });
         std::rotate(entries.begin(), least, entries.end());
         result->points_ = SharedSequence<Entry>(entries);
         return result;
@@ -498,8 +505,7 @@ std::shared_ptr<const Representation> LinkedSpline::splice(const SampledSplice& 
     }
   }
 
-  const SampledSplice met =
-      meet(samples, evaluate(samples.samples.front().t), evaluate(samples.samples.back().t));
+  const SampledSplice met = meet(samples, evaluate(samples.samples.front().t), evaluate(samples.samples.back().t));
   // A knot at either end, and beyond them enough that the window does not meet itself.
   LinkedSpline cut = *this;
   const auto with_knot = [&](double t) {
@@ -572,7 +578,8 @@ std::shared_ptr<const Representation> LinkedSpline::splice(const SampledSplice& 
   while (inner().second - inner().first < 2 * degree_) {
     int widest = inner().first - 1;
     for (int k = widest; k < inner().second; ++k) {
-      if (window.knots[at(k + 1)] - window.knots[at(k)] > window.knots[at(widest + 1)] - window.knots[at(widest)]) widest = k;
+      if (window.knots[at(k + 1)] - window.knots[at(k)] > window.knots[at(widest + 1)] - window.knots[at(widest)])
+        widest = k;
     }
     window.insert(0.5 * (window.knots[at(widest)] + window.knots[at(widest + 1)]));
   }
