@@ -194,7 +194,10 @@ class LinkedCurve {
   LinkedCurve with_slot(std::shared_ptr<const Representation> empty) const;
   /// A stretch of the curve for forms to take in, with pins where they may turn or must pass.
   SampledSplice handed_over(const Interval& interval) const;
+  LinkedCurve with_share(const std::vector<SampledSplice>& splices, double share) const;
   LinkedCurve with_change(const SampledSplice& asked) const;
+  void give_back_area(const LinkedCurve& before);
+  int added_meetings(const LinkedCurve& after) const;
   LinkedCurve with_changed(std::size_t slot, std::shared_ptr<const Representation> form,
                            const std::vector<Interval>& changed) const;
 
@@ -202,6 +205,7 @@ class LinkedCurve {
   std::size_t current_ = 0;  // the slot that is the curve: never stale
   std::shared_ptr<const Rules> rules_;
   LinkedReport report_;
+  double area_missing_ = 0.0;  // of the held area, if there is one
 };
 
 }  // namespace fontcore

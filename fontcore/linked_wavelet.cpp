@@ -258,12 +258,15 @@ struct LinkedWavelet::Fit {
     }
   }
 
+  std::size_t course_before(double t) const {
+    const std::size_t after = arc.course.count_below(t);
+    const std::size_t at = after < arc.course.size() && arc.course[after].t == t ? after + 1 : after;
+    return std::clamp<std::size_t>(at, 1, arc.course.size() - 1) - 1;
+  }
   double course_at(double t) const {
     const double at = unwrapped(t, arc.interval.from - same_t);
-    const std::size_t after = std::clamp<std::size_t>(arc.course.count_below(at), 1, arc.course.size() - 1);
-    const Breakpoint& a = arc.course[after - 1];
-    const Breakpoint& b = arc.course[after];
-    return a.spans + (at - a.t) / (b.t - a.t) * (b.spans - a.spans);
+    const Breakpoint& a = arc.course[course_before(at)];
+    return a.from[1] + (at - a.from[0]) / (a.to[0] - a.from[0]) * (a.to[1] - a.from[1]);
   }
   double t_at(double spans) const {
     std::size_t low = 0;
@@ -273,8 +276,7 @@ struct LinkedWavelet::Fit {
       (arc.course[middle].spans <= spans ? low : high) = middle;
     }
     const Breakpoint& a = arc.course[low];
-    const Breakpoint& b = arc.course[high];
-    return a.t + (spans - a.spans) / (b.spans - a.spans) * (b.t - a.t);
+    return a.from[0] + (spans - a.from[1]) / (a.to[1] - a.from[1]) * (a.to[0] - a.from[0]);
   }
 
   /// Runs evenly over arc length from one t to another, unwrapped from the arc's start; ends stay.
@@ -302,15 +304,22 @@ struct LinkedWavelet::Fit {
     for (const Sample& sample : along) {
       const double by_t = (sample.t - from) / (to - from);
       const double share = whole > 0.0 ? (sample.p.x() / whole + 1e-3 * by_t) / (1.0 + 1e-3) : by_t;
-      points.push_back({sample.t, spans_from + share * (spans_to - spans_from)});
+      points.push_back({sample.t, spans_from + share * (spans_to - spans_from), {}, {}});
     }
     points.back().spans = spans_to;
+    for (std::size_t i = 0; i + 1 < points.size(); ++i) {
+      points[i].from = {points[i].t, points[i].spans};
+      points[i].to = {points[i + 1].t, points[i + 1].spans};
+    }
     if (arc.course.size() == 0) {
       arc.course = SharedSequence<Breakpoint>(points);
       return;
     }
     const std::size_t first = arc.course.count_below(from - same_t);
     const std::size_t last = arc.course.count_below(to + same_t);
+    const Breakpoint& line = arc.course[course_before(to + same_t)];
+    points.back().from = line.from;
+    points.back().to = line.to;
     arc.course = arc.course.replaced(first, last, points);
   }
 };

@@ -457,15 +457,40 @@ LinkedBezier::LinkedBezier(const BezierContour& contour) : source_(std::make_sha
   pieces_ = SharedSequence<Stretch>(pieces);
 }
 
-LinkedBezier::Piece LinkedBezier::piece(int index) const {
-  const Stretch& own = stretch(index);
-  const double u0 = own.parameter(own.t);
-  const double u1 = own.parameter(end(index));
-  if (u0 == 0.0 && u1 == 1.0) return {own.t, own.whole, own.source};
-  Bezier part = own.whole;
+Bezier LinkedBezier::part(const Stretch& stretch, double from, double to) {
+  const double u0 = stretch.parameter(from);
+  const double u1 = stretch.parameter(to);
+  Bezier part = stretch.whole;
   if (u1 < 1.0) part = split(part, u1)[0];
   if (u0 > 0.0) part = split(part, u0 / u1)[1];
-  return {own.t, part};
+  return part;
+}
+
+LinkedBezier::Piece LinkedBezier::piece(int index) const {
+  const Stretch& own = stretch(index);
+  const bool is_cut = own.parameter(own.t) > 0.0 || own.parameter(end(index)) < 1.0;
+  return {own.t, part(own, own.t, end(index)), is_cut ? -1 : own.source};
+}
+
+std::vector<LinkedBezier::Piece> LinkedBezier::pieces_within(const Interval& interval) const {
+  std::vector<Piece> result;
+  const double from = wrapped(interval.from);
+  const double to = from + fontcore::length(interval);
+  for (const int index : pieces(interval)) {
+    double start = node(index);
+    double stop = end(index);
+    if (stop <= from + same_t || (!result.empty() && start < from)) {
+      start += 1.0;
+      stop += 1.0;
+    }
+    const double turn = start - node(index);
+    const double low = std::max(start, from);
+    const double high = std::min(stop, to);
+    const bool is_whole = low == start && high == stop;
+    result.push_back({low, is_whole ? piece(index).bezier : part(stretch(index), low - turn, high - turn),
+                      is_whole ? piece(index).source : -1});
+  }
+  return result;
 }
 
 int LinkedBezier::piece_at(double t) const {

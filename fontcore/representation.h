@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <vector>
 
 #include "fontcore/contour.h"
@@ -101,6 +102,8 @@ class LinkedBezier : public Representation {
   /// that it cuts keep what is outside.
   /// Throws  InvalidInput if there are none or t does not ascend within the interval.
   LinkedBezier replaced(const Interval& interval, const std::vector<Piece>& by) const;
+  /// The pieces with a part inside an interval, cut to it; t unwrapped.
+  std::vector<Piece> pieces_within(const Interval& interval) const;
   /// The stretches, piece by piece, whose control points' boxes meet a box; disjoint, in order.
   std::vector<Interval> near(const Box& box) const;
 
@@ -131,6 +134,7 @@ class LinkedBezier : public Representation {
     }
     double parameter(double at) const { return std::clamp((at - from) / (to - from), 0.0, 1.0); }
   };
+  static Bezier part(const Stretch& stretch, double from, double to);
   const Stretch& stretch(int index) const { return pieces_[static_cast<std::size_t>(index)]; }
   double node(int index) const { return index < size() ? stretch(index).t : 1.0; }
   /// The node at t or within rounding of it; else t.
@@ -276,9 +280,12 @@ class LinkedWavelet : public Representation {
     Point p = Point::Zero();
     void add_to(Box& box) const { box.add(p); }
   };
+  // Where the course over t turns. It runs on from here on a line of its own, which a cut does not change by a bit.
   struct Breakpoint {
     double t = 0.0;      // unwrapped from the arc's start
     double spans = 0.0;  // of level 0, from the arc's start
+    std::array<double, 2> from{};  // t and spans where the line begins, not after the breakpoint
+    std::array<double, 2> to{};    // and ends
     void add_to(Box& /*box*/) const {}
   };
   struct Arc {
