@@ -153,9 +153,7 @@ struct LinkedCurve::Rules {
   }
   /// The interval that a rule may move to come true; none if it has no place.
   static std::optional<Interval> control_of(const CurveRule& rule) {
-    const auto about = [](double t, double control) {
-      return Interval{wrapped(t - control), wrapped(t + control)};
-    };
+    const auto about = [](double t, double control) { return Interval{wrapped(t - control), wrapped(t + control)}; };
     if (const auto* stretch = std::get_if<Frozen>(&rule.rule)) return stretch->interval;
     if (const auto* point = std::get_if<HeldPoint>(&rule.rule)) return about(point->t, point->control);
     if (const auto* corner = std::get_if<HeldCorner>(&rule.rule)) return about(corner->t, corner->control);
@@ -370,15 +368,22 @@ struct LinkedCurve::Rules {
       for (const double side : {-1.0, 1.0}) {
         const double reach = side < 0.0 ? held.before : held.after;
         const Point wanted = (side < 0.0 ? corner->in : corner->out).normalized();
-        // Of the chord over a tenth of the reach: nearer samples say less.
-        const Point leg = side * (splice.at(at + side * 0.1 * reach) - splice.at(at)) / (0.1 * reach);
+        // The chord over a tenth of the reach: what is nearer to the corner than that is its direction's.
+        const double near = *sample_at(splice, at + side * 0.1 * reach);
+        std::erase_if(splice.samples, [&](const Sample& sample) {
+          return (sample.t - at) * side > same_t && (near - sample.t) * side > same_t;
+        });
+        const Point leg = (splice.at(near) - splice.at(at)) / (near - at);
         constexpr double same_direction = 1e-3;  // radians: what chords cannot tell apart
         if ((leg - leg.norm() * wanted).norm() <= same_direction * leg.norm()) continue;
         const Point turn = leg.norm() * wanted - leg;
         refine(splice, held, reach * turn.norm());
+        std::erase_if(splice.samples, [&](const Sample& sample) {
+          return (sample.t - at) * side > same_t && (near - sample.t) * side > same_t;
+        });
         for (Sample& sample : splice.samples) {
           const double way = sample.t - at;
-          if (way * side > 0.0 && way * side < reach) sample.p += way * bump(held, sample.t) * turn;
+          if (way * side > same_t && way * side < reach) sample.p += way * bump(held, sample.t) * turn;
         }
       }
     }
@@ -468,8 +473,7 @@ void LinkedCurve::Rules::require_free(const CurveRule& rule, const LinkedCurve& 
 LinkedCurve::LinkedCurve(const BezierContour& contour, const LinkedOptions& options) {
   require_options(options);
   auto bezier = std::make_shared<const LinkedBezier>(contour);
-  rules_ =
-      std::make_shared<const Rules>(Rules{options, {}, {}, corners_of(contour, *bezier, options.corner_angle)});
+  rules_ = std::make_shared<const Rules>(Rules{options, {}, {}, corners_of(contour, *bezier, options.corner_angle)});
   slots_.push_back({std::move(bezier), {}});
   slots_.push_back({std::make_shared<const LinkedPolyline>(), everything()});
   add_slots();
@@ -857,7 +861,8 @@ int meetings_near(const LinkedBezier& bezier, const std::vector<Interval>& inter
   for (std::size_t i = 0; i < points.size(); ++i) rows.row(static_cast<Eigen::Index>(i)) = points[i];
   const std::vector<Crossing> found = find_crossings({BezierContour(std::move(rows), std::move(kinds))});
   return static_cast<int>(std::count_if(found.begin(), found.end(), [&](const Crossing& crossing) {
-    return is_real[static_cast<std::size_t>(crossing.a.segment)] && is_real[static_cast<std::size_t>(crossing.b.segment)];
+    return is_real[static_cast<std::size_t>(crossing.a.segment)] &&
+           is_real[static_cast<std::size_t>(crossing.b.segment)];
   }));
 }
 
@@ -868,7 +873,8 @@ int LinkedCurve::added_meetings(const LinkedCurve& after) const {
   Box box;
   for (const LinkedCurve* curve : {this, &after}) {
     for (const Interval& interval : changed) {
-      for (const int index : curve->bezier().pieces(interval)) box.add(control_box(curve->bezier().piece(index).bezier));
+      for (const int index : curve->bezier().pieces(interval))
+        box.add(control_box(curve->bezier().piece(index).bezier));
     }
   }
   return meetings_near(after.bezier(), changed, box) - meetings_near(bezier(), changed, box);

@@ -12,6 +12,7 @@ namespace {
 
 constexpr double same_t = 1e-12;
 constexpr int most_degree = 5;
+constexpr double least_span = 1e-7;  // of t: shorter ones are not cut in two
 using Weights = std::array<double, most_degree + 1>;
 
 std::size_t at(int index) { return static_cast<std::size_t>(index); }
@@ -236,6 +237,11 @@ std::vector<LinkedSpline::Requirement> requirements_of(const SampledSplice& samp
       requirements.push_back({pin.t, 1, Side::Right, *pin.out * speed(found[1])});
   }
   return requirements;
+}
+
+/// Tangents first, then points: they are met within the tolerance only.
+void give_up_some(std::vector<LinkedSpline::Requirement>& requirements) {
+  if (std::erase_if(requirements, [](const auto& asked) { return asked.derivative > 0; }) == 0) requirements.clear();
 }
 
 }  // namespace
@@ -473,7 +479,7 @@ std::shared_ptr<const Representation> LinkedSpline::splice(const SampledSplice& 
       knots.insert(knots.end(), is_corner[b] ? at(degree_) : 1, breaks[b]);
       spread(breaks[b], breaks[b + 1], std::max(degree_ + 1, parts_of(breaks[b], breaks[b + 1])), knots);
     }
-    const std::vector<Requirement> requirements = requirements_of(closed);
+    std::vector<Requirement> requirements = requirements_of(closed);
     for (int round = 0;; ++round) {
       const auto n = static_cast<int>(knots.size());
       Window window{degree_, {}, {}};
@@ -488,7 +494,13 @@ std::shared_ptr<const Representation> LinkedSpline::splice(const SampledSplice& 
         window.points.push_back(closed.at(greville));
       }
       const std::vector<Sample> targets = targets_of(closed, window, degree_, n + degree_);
-      fit(window, variable, n, true, targets, requirements);
+      try {
+        fit(window, variable, n, true, targets, requirements);
+      } catch (const UnsatisfiableConstraints&) {
+        if (requirements.empty()) throw;
+        give_up_some(requirements);
+        continue;
+      }
       const std::vector<int> too_far = spans_too_far(window, degree_, n + degree_, targets, within);
       if (too_far.empty() || round == most_rounds) {
         auto result = std::make_shared<LinkedSpline>(degree_);
@@ -500,7 +512,10 @@ std::shared_ptr<const Representation> LinkedSpline::splice(const SampledSplice& 
         result->points_ = SharedSequence<Entry>(entries);
         return result;
       }
-      for (const int span : too_far) knots.push_back(0.5 * (window.knots[at(span)] + window.knots[at(span + 1)]));
+      for (const int span : too_far) {
+        if (window.knots[at(span + 1)] - window.knots[at(span)] < least_span) continue;
+        knots.push_back(0.5 * (window.knots[at(span)] + window.knots[at(span + 1)]));
+      }
       std::sort(knots.begin(), knots.end());
     }
   }
@@ -619,29 +634,41 @@ std::shared_ptr<const Representation> LinkedSpline::splice(const SampledSplice& 
     if (!pin.is_corner || (pin.t != from_knot && pin.t != to_knot)) continue;
     while (window.multiplicity(pin.t) < degree_) window.insert(pin.t);
   }
-  const std::vector<Requirement> requirements = requirements_of(local);
-  for (int round = 0;; ++round) {
+  std::vector<Requirement> requirements = requirements_of(local);
+  constexpr int tries = 6;
+  int unmet = 0;
+  for (int round = 0; round < most_rounds; ++round) {
     const auto [inside, outside] = inner();
     std::vector<int> variable;
     int count = 0;
     for (std::size_t i = 0; i < window.points.size(); ++i) variable.push_back(is_free(i) ? count++ : -1);
     const std::vector<Sample> targets = targets_of(local, window, inside - 1, outside);
+    std::vector<int> wide;  // spans to be cut in two
     bool is_met = true;
     try {
       fit(window, variable, count, false, targets, requirements);
+      wide = spans_too_far(window, inside - 1, outside, targets, within);
     } catch (const UnsatisfiableConstraints&) {
+      // Too few control points are free about them: more, at the ends and where something is asked; tangents, and then
+      // points, are given up where that does not help.
       is_met = false;
-      if (round == most_rounds) throw;
+      if (++unmet % tries == 0) give_up_some(requirements);
+      wide = {inside - 1, outside - 1};
+      for (const Requirement& asked : requirements) {
+        const int span = window.span_at(asked.t);
+        wide.insert(wide.end(), {span - window.multiplicity(asked.t), span});
+      }
+      std::sort(wide.begin(), wide.end());
+      wide.erase(std::unique(wide.begin(), wide.end()), wide.end());
     }
     std::vector<double> more;
-    for (const int span : spans_too_far(window, inside - 1, outside, targets, within)) {
-      more.push_back(0.5 * (window.knots[at(span)] + window.knots[at(span + 1)]));
+    for (const int span : wide) {
+      const double middle = 0.5 * (window.knots[at(span)] + window.knots[at(span + 1)]);
+      if (span >= inside - 1 && span < outside && window.knots[at(span + 1)] - window.knots[at(span)] >= least_span) {
+        more.push_back(middle);
+      }
     }
-    if (more.empty() && !is_met) {
-      more.push_back(0.5 * (window.knots[at(inside - 1)] + window.knots[at(inside)]));
-      more.push_back(0.5 * (window.knots[at(outside - 1)] + window.knots[at(outside)]));
-    }
-    if (more.empty() || round == most_rounds) break;
+    if (more.empty() && is_met) break;
     for (const double knot : more) window.insert(knot);
   }
   return std::make_shared<const LinkedSpline>(cut.with_window(first, last - first, window.knots, window.points));

@@ -273,25 +273,32 @@ class CubicFit {
   /// From the first sample to the last. Directions at the ends, where the curve goes on from others; by the samples if
   /// none is given.
   std::vector<LinkedBezier::Piece> pieces(std::optional<Point> start, std::optional<Point> end) {
+    const std::size_t last = samples_.size() - 1;
     std::size_t from = 0;
-    Point out = start ? *start : leaving(0, samples_.size() - 1);
+    Direction out = start ? Direction{*start, true} : Direction{leaving(0, last)};
+    bool is_end_pinned = false;
     for (const Pin& pin : pins_) {
       const auto found = std::partition_point(samples_.begin(), samples_.end(),
                                               [&](const Sample& sample) { return sample.t < pin.t; });
       const auto at = static_cast<std::size_t>(found - samples_.begin());
       if (at == 0) {
-        if (pin.out) out = *pin.out;
-      } else if (at + 1 == samples_.size()) {
-        if (pin.in) end = pin.in;
+        if (pin.out) out = {*pin.out, true, true};
+      } else if (at == last) {
+        if (pin.in) {
+          end = pin.in;
+          is_end_pinned = true;
+        }
       } else {
-        const Point in = pin.in ? *pin.in : pin.is_corner ? arriving(from, at) : tangent(at, from, samples_.size() - 1);
-        add(from, at, out, in);
-        out = pin.out ? *pin.out : pin.is_corner ? leaving(at, samples_.size() - 1) : in;
+        const auto given = [&](const std::optional<Point>& direction, const Point& otherwise) {
+          return direction ? Direction{*direction, true, true} : Direction{otherwise};
+        };
+        const Point smooth = tangent(at, from, last);
+        add(from, at, out, given(pin.in, pin.is_corner ? arriving(from, at) : smooth));
+        out = given(pin.out, pin.is_corner ? leaving(at, last) : smooth);
         from = at;
       }
     }
-    const std::size_t last = samples_.size() - 1;
-    add(from, last, out, end ? *end : arriving(from, last));
+    add(from, last, out, end ? Direction{*end, true, is_end_pinned} : Direction{arriving(from, last)});
     return std::move(pieces_);
   }
 
@@ -370,20 +377,37 @@ class CubicFit {
     return otherwise.norm() > 0.0 ? otherwise.normalized() : Point(1.0, 0.0);
   }
 
-  void add(std::size_t i, std::size_t j, const Point& out, const Point& in) {
-    if (is_straight(i, j)) {
-      pieces_.push_back({samples_[i].t, {{samples_[i].p, samples_[j].p, Point::Zero(), Point::Zero()}, 1}});
+  /// Of the curve at the end of a range: given, or taken from the samples.
+  struct Direction {
+    Point along = Point::Zero();
+    bool is_given = false;   // by what is outside the range
+    bool is_pinned = false;  // met even where the samples say otherwise
+  };
+
+  void add(std::size_t i, std::size_t j, const Direction& out, const Direction& in) {
+    const Point chord = samples_[j].p - samples_[i].p;
+    const auto bends_chord = [&](const Direction& direction) {
+      return direction.is_given && (chord - chord.norm() * direction.along).norm() > straight * (1.0 + chord.norm());
+    };
+    const bool is_bent = bends_chord(out) || bends_chord(in);
+    const Bezier line{{samples_[i].p, samples_[j].p, Point::Zero(), Point::Zero()}, 1};
+    if (!is_bent && is_straight(i, j)) {
+      pieces_.push_back({samples_[i].t, line});
       return;
     }
-    const Bezier cubic = single(i, j, out, in);
-    if (is_within(cubic, i, j)) {
+    const Bezier cubic = single(i, j, out.along, in.along);
+    if (is_within(cubic, i, j) || (j == i + 1 && (out.is_pinned || in.is_pinned))) {
       pieces_.push_back({samples_[i].t, cubic});
+      return;
+    }
+    if (j == i + 1) {
+      pieces_.push_back({samples_[i].t, line});
       return;
     }
     const double middle = 0.5 * (samples_[i].t + samples_[j].t);
     std::size_t at = i + 1;
     while (at + 1 < j && std::abs(samples_[at + 1].t - middle) <= std::abs(samples_[at].t - middle)) ++at;
-    const Point through = tangent(at, i, j);
+    const Direction through{tangent(at, i, j)};
     add(i, at, out, through);
     add(at, j, through, in);
   }

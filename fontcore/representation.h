@@ -282,8 +282,8 @@ class LinkedWavelet : public Representation {
   };
   // Where the course over t turns. It runs on from here on a line of its own, which a cut does not change by a bit.
   struct Breakpoint {
-    double t = 0.0;      // unwrapped from the arc's start
-    double spans = 0.0;  // of level 0, from the arc's start
+    double t = 0.0;                // unwrapped from the arc's start
+    double spans = 0.0;            // of level 0, from the arc's start
     std::array<double, 2> from{};  // t and spans where the line begins, not after the breakpoint
     std::array<double, 2> to{};    // and ends
     void add_to(Box& /*box*/) const {}
