@@ -357,3 +357,269 @@ TEST_CASE("compaction keeps a long session from growing, and what is frozen as i
     CHECK(same_bits(curve.bezier().evaluate(t), before.bezier().evaluate(t)));
   }
 }
+
+namespace {
+
+/// A form that fontcore knows nothing of: Hermite cubics between nodes, with a slope on either side of each.
+class HermiteForm : public Representation {
+ public:
+  SampledSplice sample(const Interval& interval, double tolerance) const override {
+    SampledSplice result{interval, {}};
+    const double from = wrapped(interval.from);
+    const double to = from + length(interval);
+    result.samples.push_back({from, evaluate(from)});
+    for (const double turn : {0.0, 1.0}) {
+      for (std::size_t i = 0; i < nodes_.size(); ++i) {
+        const double way = end(i) - nodes_[i].t;
+        const double bend = 10.0 * (nodes_[i].out.norm() + nodes_[(i + 1) % nodes_.size()].in.norm()) * way;
+        const int parts = 1 + static_cast<int>(std::sqrt(bend / (8.0 * tolerance)));
+        for (int k = 0; k < parts; ++k) {
+          const double t = nodes_[i].t + way * k / parts + turn;
+          if (t > result.samples.back().t + 1e-12 && t < to - 1e-12) result.samples.push_back({t, evaluate(t)});
+        }
+      }
+    }
+    result.samples.push_back({to, evaluate(to)});
+    return result;
+  }
+  std::shared_ptr<const Representation> splice(const SampledSplice& samples, double /*tolerance*/) const override {
+    const bool is_whole = length(samples.interval) >= 1.0;
+    const SampledSplice met =
+        is_whole ? samples : meet(samples, evaluate(samples.interval.from), evaluate(samples.interval.to));
+    auto result = std::make_shared<HermiteForm>();
+    for (const Node& node : nodes_) {
+      if (!contains(samples.interval, node.t)) result->nodes_.push_back(node);
+    }
+    for (std::size_t i = 0; i + (is_whole ? 1 : 0) < met.samples.size(); ++i) {
+      const auto slope = [&](std::size_t k) -> Point {
+        return (met.samples[k + 1].p - met.samples[k].p) / (met.samples[k + 1].t - met.samples[k].t);
+      };
+      const std::size_t last = met.samples.size() - 1;
+      Node node{wrapped(met.samples[i].t), met.samples[i].p, {}, {}};
+      node.in = i > 0 ? slope(i - 1) : is_whole ? slope(last - 1) : arriving(samples.interval.from);
+      node.out = i < last ? slope(i) : derivative(samples.interval.to);
+      result->nodes_.push_back(node);
+    }
+    std::sort(result->nodes_.begin(), result->nodes_.end(), [](const Node& a, const Node& b) { return a.t < b.t; });
+    return result;
+  }
+
+ private:
+  struct Node {
+    double t;
+    Point p, in, out;
+  };
+  double end(std::size_t i) const { return i + 1 < nodes_.size() ? nodes_[i + 1].t : nodes_[0].t + 1.0; }
+  std::size_t piece(double t) const {
+    std::size_t i = nodes_.size() - 1;
+    while (i > 0 && nodes_[i].t > t) --i;
+    return nodes_[i].t > t ? nodes_.size() - 1 : i;
+  }
+  Bezier bezier(std::size_t i) const {
+    const Node& a = nodes_[i];
+    const Node& b = nodes_[(i + 1) % nodes_.size()];
+    const double way = end(i) - a.t;
+    return {{a.p, a.p + way / 3.0 * a.out, b.p - way / 3.0 * b.in, b.p}, 3};
+  }
+  Point evaluate(double t) const {
+    const double in = wrapped(t);
+    const std::size_t i = piece(in);
+    return fontcore::evaluate(bezier(i), (unwrapped(in, nodes_[i].t) - nodes_[i].t) / (end(i) - nodes_[i].t));
+  }
+  Point arriving(double t) const {
+    for (const Node& node : nodes_) {
+      if (node.t == wrapped(t)) return node.in;
+    }
+    return derivative(t);
+  }
+  Point derivative(double t) const {
+    const double in = wrapped(t);
+    const std::size_t i = piece(in);
+    const double way = end(i) - nodes_[i].t;
+    return fontcore::derivative(bezier(i), (unwrapped(in, nodes_[i].t) - nodes_[i].t) / way) / way;
+  }
+
+  std::vector<Node> nodes_;
+};
+
+}  // namespace
+
+TEST_CASE("a form of one's own joins by sampling and splicing alone", "[linked]") {
+  LinkedCurve curve = LinkedCurve(letter()).with_form(HermiteForm());
+  CHECK(farthest_apart(curve.bezier(), curve.read<HermiteForm>()) < curve.epsilon());
+  for (int step = 0; step < 20; ++step) {
+    const double from = 0.37 * step - std::floor(0.37 * step);
+    curve = curve.with_splice(bulged(curve, {from, wrapped(from + 0.1)}, {15.0 - step, 10.0}));
+    CHECK(curve.stale<HermiteForm>().size() == 1);
+    CHECK(farthest_apart(curve.bezier(), curve.read<HermiteForm>()) < curve.epsilon());
+    CHECK(curve.stale<HermiteForm>().empty());
+  }
+  // And a tool may change it, for all the others to follow.
+  const auto pushed = curve.read<HermiteForm>().splice(bulged(curve, {0.2, 0.3}, {20, 0}), 0.5 * curve.epsilon());
+  curve = curve.with(dynamic_cast<const HermiteForm&>(*pushed), {{0.2, 0.3}});
+  CHECK(farthest_apart(curve.read<HermiteForm>(), curve.bezier()) < curve.epsilon());
+  CHECK(farthest_apart(curve.read<HermiteForm>(), curve.spline()) < curve.epsilon());
+}
+
+TEST_CASE("a thousand steps are undone bit for bit, in little memory", "[linked]") {
+  Points points(1023, 2);
+  std::vector<PointKind> kinds;
+  for (int i = 0; i < 341; ++i) {
+    const auto place = [](double a) { return Point((2000 + 30 * std::sin(40 * a)) * std::cos(a), 2000 * std::sin(a)); };
+    const double step = 2.0 * std::numbers::pi / 341;
+    for (int k = 0; k < 3; ++k) points.row(3 * i + k) = place((i + k / 3.0) * step);
+    kinds.insert(kinds.end(), {PointKind::Node, PointKind::Cubic, PointKind::Cubic});
+  }
+  LinkedCurve curve(BezierContour(points, kinds), {.epsilon = 1.0});
+  static_cast<void>(curve.polyline());
+  std::mt19937 random(17);
+  const auto uniform = [&](double low, double high) {
+    return low + (high - low) * (static_cast<double>(random()) / 4294967296.0);
+  };
+  const auto fingerprint = [](const LinkedCurve& of) {
+    double sum = 0.0;
+    for (int i = 0; i < of.bezier().size(); ++i) {
+      const auto piece = of.bezier().piece(i);
+      for (const Point& p : piece.bezier.p) sum = 0.75 * sum + p.x() - 0.5 * p.y() + piece.t;
+    }
+    const Polyline line = of.polyline().whole();
+    for (std::size_t i = 0; i < line.t.size(); ++i) {
+      sum = 0.75 * sum + line.t[i] + line.points(static_cast<Eigen::Index>(i), 0);
+    }
+    return sum;
+  };
+  std::vector<LinkedCurve> history{curve};
+  std::vector<double> fingerprints{fingerprint(curve)};
+  std::size_t bytes = 0;
+  for (int step = 0; step < 1000; ++step) {
+    const double from = uniform(0, 1);
+    LinkedCurve next = curve.with_splice(bulged(curve, {from, wrapped(from + 0.02)}, {uniform(-5, 5), uniform(-5, 5)}));
+    fingerprints.push_back(fingerprint(next));
+    bytes += next.bytes_beyond(curve);
+    history.push_back(next);
+    curve = next;
+  }
+  bool all_same = true;
+  for (std::size_t i = history.size(); i-- > 0;) all_same = all_same && fingerprint(history[i]) == fingerprints[i];
+  CHECK(all_same);
+  INFO("bytes " << bytes);
+  CHECK(bytes < (std::size_t{64} << 20));
+  CHECK(history.front().bezier().contour() == BezierContour(points, kinds));
+}
+
+TEST_CASE("vertices, nodes and knots come, move and go one by one", "[linked]") {
+  const LinkedCurve curve(letter());
+  const LinkedPolyline& line = curve.polyline();
+  const auto more = line.add_vertex(0.5 * (line.vertex(3).t + line.vertex(4).t), {123, 456});
+  CHECK(more.form.size() == line.size() + 1);
+  CHECK((more.form.evaluate(more.form.vertex(4).t) - Point(123, 456)).norm() == 0.0);
+  CHECK(farthest_apart(more.form.remove_vertex(4).form, line) < 1e-9);
+  const auto moved = line.move_vertex(7, {0, 0});
+  CHECK(farthest_apart(moved.form, line, {moved.interval.to, moved.interval.from}) < 1e-9);
+  CHECK(curve.with(moved).bezier().evaluate(line.vertex(7).t).norm() < curve.epsilon());
+  CHECK_THROWS_AS(line.move_vertex(line.size(), {0, 0}), InvalidInput);
+  CHECK_THROWS_AS(line.add_vertex(line.vertex(2).t, {0, 0}), InvalidInput);
+
+  const LinkedBezier& bezier = curve.bezier();
+  const auto cut = bezier.add_node(0.123);
+  CHECK(cut.form.size() == bezier.size() + 1);
+  CHECK(farthest_apart(cut.form, bezier) < 1e-9);
+  CHECK(farthest_apart(cut.form.remove_node(cut.form.piece_at(0.123)).form, bezier) < 1e-6);
+  const auto dragged = bezier.move_control_point(5, 1, {300, 300});
+  CHECK(farthest_apart(dragged.form, bezier, {dragged.interval.to, dragged.interval.from}) < 1e-9);
+  CHECK(farthest_apart(curve.with(dragged).polyline(), dragged.form) < curve.epsilon());
+
+  for (const int degree : {1, 2, 3, 4, 5}) {
+    const LinkedCurve of(letter(), {.spline_degree = degree});
+    const LinkedSpline& spline = of.spline();
+    CHECK(spline.degree() == degree);
+    CHECK(farthest_apart(spline, of.bezier()) < of.epsilon());
+    const LinkedSpline finer = spline.insert_knot(0.3217);
+    CHECK(finer.size() == spline.size() + 1);
+    CHECK(farthest_apart(finer, spline) < 1e-6);
+    const auto without = finer.remove_knot(finer.knot_at(0.3217));
+    CHECK(without.form.size() == spline.size());
+    CHECK(farthest_apart(without.form, spline) < 2e-3);
+    const auto pulled = spline.move_control_point(9, {0, 0});
+    CHECK(farthest_apart(pulled.form, spline, {pulled.interval.to, pulled.interval.from}) < 1e-9);
+    // It is the curve that nonuniform evaluates.
+    for (double t = 0.0; t < 1.0; t += 0.0371) {
+      const double in = spline.knot(0) + t < 1.0 ? spline.knot(0) + t : t;
+      CHECK((spline.evaluate(in) - evaluate(spline.knots(), spline.control_points(), in).transpose()).norm() < 1e-9);
+    }
+  }
+}
+
+TEST_CASE("a constrained fit of a spline meets what is required and is nearest in what is left", "[linked]") {
+  const LinkedCurve curve(shapes::circle(300));
+  const LinkedSpline& spline = curve.spline();
+  const SampledSplice samples = bulged(curve, {0.2, 0.5}, {10, 10});
+  const std::vector<LinkedSpline::Requirement> required{
+      {0.3, 0, Side::Right, {-120, 310}}, {0.35, 1, Side::Right, {-900, -1500}}, {0.4, 0, Side::Right, {-260, 190}}};
+  LinkedSpline fine = spline;
+  for (double t = 0.205; t < 0.5; t += 0.01) fine = fine.insert_knot(t);
+  const auto fitted = fine.fitted(samples, required);
+  for (const auto& one : required) {
+    CHECK((fitted.form.evaluate(one.t, one.derivative) - one.value).norm() < 1e-7);
+  }
+  CHECK(farthest_apart(fitted.form, fine, {0.5, 0.2}) < 1e-9);
+  CHECK_THROWS_AS(fine.fitted(samples, {{0.3, 0, Side::Right, {0, 0}}, {0.3, 0, Side::Right, {1, 0}}}),
+                  UnsatisfiableConstraints);
+}
+
+TEST_CASE("a wavelet form is fine only where it must be, and remembers how it runs over t", "[linked]") {
+  LinkedCurve curve(shapes::circle(300), {.epsilon = 0.5});
+  const LinkedWavelet smooth = curve.wavelet();
+  SampledSplice wiggle = curve.sample({0.4, 0.45});
+  const SampledSplice before = wiggle;
+  wiggle.samples.clear();
+  for (int k = 0; k <= 200; ++k) {
+    const double t = k == 200 ? before.samples.back().t : before.samples.front().t + 0.05 * k / 200;
+    wiggle.samples.push_back({t, before.at(t) + Point(0, 10.0 * std::sin(std::numbers::pi * k / 20.0))});
+  }
+  curve = curve.with_splice(wiggle);
+  const LinkedWavelet& rough = curve.wavelet();
+  CHECK(rough.finest_level_at(0.42) > smooth.finest_level_at(0.42) + 1);
+  CHECK(rough.finest_level_at(0.9) == smooth.finest_level_at(0.9));
+  CHECK(rough.stored() < smooth.stored() + 400);
+  for (double t = 0.46; t < 1.39; t += 0.01) CHECK(same_bits(rough.evaluate(t), smooth.evaluate(t)));
+  // Even over arc length within the splice: twice the way on it takes twice the spans.
+  const auto way = [&](double from, double to) {
+    double sum = 0.0;
+    const SampledSplice run = rough.sample({from, to}, 1e-3);
+    for (std::size_t i = 1; i < run.samples.size(); ++i) sum += (run.samples[i].p - run.samples[i - 1].p).norm();
+    return sum / (rough.parameter(to, 5) - rough.parameter(from, 5));
+  };
+  CHECK(way(0.405, 0.42) == Approx(way(0.425, 0.445)).epsilon(0.05));
+  for (const double t : {0.1, 0.41, 0.77}) {
+    CHECK(rough.t_of(0, rough.parameter(t, 4), 4) == Approx(t).margin(1e-9));
+  }
+  // Its control points of a level are those of the dense curve.
+  const int level = rough.finest_level(0);
+  const Points dense = rough.control_points(0, level, 0, rough.size(level));
+  for (const double t : {0.05, 0.43, 0.8}) {
+    const Point p = evaluate(rough.scheme(), dense, rough.parameter(t, level)).transpose();
+    CHECK((p - rough.evaluate(t)).norm() < 1e-9);
+  }
+  const MultiresCurve coefficients = rough.multires(0, level);
+  CHECK((reconstruct(coefficients) - dense).norm() < 1e-8);
+}
+
+TEST_CASE("a pull of a wavelet moves its point by the move, and a shorter stretch on a finer level", "[linked]") {
+  for (const bool is_arcwise : {false, true}) {
+    const LinkedCurve curve(letter());
+    const LinkedWavelet& wavelet = is_arcwise ? curve.arcwise() : curve.wavelet();
+    const double t = 0.4321;
+    double last = 2.0;
+    for (const double level : {0.0, 1.0, 1.5, 2.0, 3.25, 5.0}) {
+      const auto pulled = wavelet.pull(t, level, {30, -20});
+      CHECK((pulled.form.evaluate(t) - wavelet.evaluate(t) - Point(30, -20)).norm() < 1e-9);
+      CHECK(length(pulled.interval) <= last);
+      last = length(pulled.interval);
+      const Interval outside{pulled.interval.to, pulled.interval.from};
+      if (last < 0.9) CHECK(farthest_apart(pulled.form, wavelet, outside) < 1e-9);
+    }
+    const double wide = wavelet.level_of_breadth(t, 400);
+    CHECK(wide < wavelet.level_of_breadth(t, 100));
+  }
+}
