@@ -43,7 +43,13 @@ struct LinkedWavelet::Fit {
   Point value(double spans) const {
     Point sum = Point::Zero();
     for (int level = 0; level < static_cast<int>(arc.levels.size()); ++level) {
-      if (arc.levels[static_cast<std::size_t>(level)].size() == 0) continue;
+      const auto& entries = arc.levels[static_cast<std::size_t>(level)];
+      if (entries.size() == 0) continue;
+      // Fine levels are stored in few places: most have nothing here, and need no weights.
+      const auto span = static_cast<Index>(std::floor(at_level(spans, level)));
+      const bool is_inside = span >= 0 && span + degree < wavelet.size(level);
+      const std::size_t first = is_inside ? entries.count_below(static_cast<double>(span)) : 0;
+      if (is_inside && (first == entries.size() || entries[first].t > static_cast<double>(span + degree))) continue;
       const BasisRow weights = row(spans, level);
       for (std::size_t k = 0; k < static_cast<std::size_t>(weights.count); ++k) {
         sum += weights.weight[k] * stored(level, weights.index[k]);
