@@ -572,7 +572,7 @@ LinkedCurve LinkedCurve::with_changed(std::size_t slot, std::shared_ptr<const Re
   read_slot(slot);
   const IntervalSet stretches(changed);
   const std::vector<Interval> intervals = stretches.intervals();
-  if (rules_->may_object_to(stretches)) {
+  if (!intervals.empty() && rules_->may_object_to(stretches)) {
     std::vector<SampledSplice> splices;
     for (const Interval& interval : intervals) {
       splices.push_back(form->sample(interval, 0.5 * sampling_share * epsilon()));
@@ -880,6 +880,18 @@ int LinkedCurve::added_meetings(const LinkedCurve& after) const {
   return meetings_near(after.bezier(), changed, box) - meetings_near(bezier(), changed, box);
 }
 
+namespace {
+
+/// Whether a node passes the corner with both its directions.
+bool passes(const LinkedBezier& bezier, const HeldCorner& corner) {
+  return bezier.piece(bezier.piece_at(corner.t)).t == wrapped(corner.t) &&
+         (bezier.evaluate(corner.t) - corner.p).norm() < same_place &&
+         (bezier.tangent(corner.t, Side::Left) - corner.in.normalized()).norm() < same_place &&
+         (bezier.tangent(corner.t, Side::Right) - corner.out.normalized()).norm() < same_place;
+}
+
+}  // namespace
+
 LinkedCurve LinkedCurve::with_rule(CurveRule rule) const {
   rules_->require_free(rule, *this);
   LinkedCurve result = *this;
@@ -902,6 +914,8 @@ LinkedCurve LinkedCurve::with_rule(CurveRule rule) const {
   // What it claims is given in as it is: that is moved to where it holds.
   const auto control = Rules::control_of(rule);
   if (!control || std::holds_alternative<Frozen>(rule.rule)) return result;
+  if (const auto* corner = std::get_if<HeldCorner>(&rule.rule); corner && passes(result.bezier(), *corner))
+    return result;
   SampledSplice splice = result.sample(*control, 0.5 * sampling_share * epsilon());
   for (const double corner : result.rules_->corners) {
     if (const auto at = sample_at(splice, corner)) add_pin(splice, {.t = *at, .is_corner = true});

@@ -516,7 +516,7 @@ double LinkedWavelet::level_of_breadth(double t, double breadth) const {
       low = at - 0.5 * whole;
       high = at + 0.5 * whole;
     }
-    constexpr int parts = 64;
+    constexpr int parts = 32;
     double length = 0.0;
     Point before = fit.value(low);
     for (int k = 1; k <= parts; ++k) {
@@ -526,14 +526,17 @@ double LinkedWavelet::level_of_breadth(double t, double breadth) const {
     }
     return length;
   };
-  double above = moved(0);
-  if (breadth >= above) return 0.0;
-  for (int level = 0; level + 1 < finest; ++level) {
-    const double below = moved(level + 1);
-    if (breadth >= below) return level + (above - breadth) / std::max(above - below, 1e-300);
-    above = below;
-  }
-  return finest - 1;
+  if (breadth >= moved(0)) return 0.0;
+  // The finest level that moves more, from where one in the middle says that it is: what that takes hardly grows with
+  // the curve.
+  const int middle = finest / 2;
+  int level = middle + static_cast<int>(std::floor(std::log2(std::max(moved(middle), 1e-300) / breadth)));
+  level = std::clamp(level, 0, finest - 1);
+  while (level > 0 && breadth >= moved(level)) --level;
+  while (level < finest - 1 && breadth < moved(level + 1)) ++level;
+  if (level == finest - 1) return level;
+  const double above = moved(level);
+  return level + (above - breadth) / std::max(above - moved(level + 1), 1e-300);
 }
 
 SampledSplice LinkedWavelet::sample(const Interval& interval, double tolerance) const {
