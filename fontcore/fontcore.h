@@ -28,6 +28,7 @@
 #include "fontcore/linked_curve.h"
 #include "fontcore/rounding.h"
 #include "fontcore/detail.h"
+#include "fontcore/gesture.h"
 #include "fontcore/texture.h"
 #include "fontcore/analogy.h"
 #include "fontcore/place.h"
