@@ -35,4 +35,5 @@
 #include "fontcore/character.h"
 #include "fontcore/stroke.h"
 #include "fontcore/weight.h"
+#include "fontcore/brush.h"
 // clang-format on
