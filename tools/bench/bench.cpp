@@ -3,7 +3,7 @@
 //
 //     glyphwave_bench [--benchmark_filter=find_crossings ...] [FONT ...]
 //
-// Refit and rounding are in edit_bench.cpp.
+// Refit and rounding are in edit_bench.cpp, gestures in brush_bench.cpp.
 
 #include <benchmark/benchmark.h>
 #include <malloc.h>
