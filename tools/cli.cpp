@@ -134,9 +134,6 @@ commands::RestyleRequest restyled_by(const std::string& recipe, const Options& o
   return restyle;
 }
 
-/// Options and commands that CLI users know and this version lacks are refused by name, not as unknown.
-[[noreturn]] void refuse(const std::string& what) { throw RequestError(what + ": not in this version"); }
-
 Outcome restyle(const Options& options) {
   if (!options.family.output_dir.empty())
     throw RequestError("restyle: --output-dir is where a family goes, which takes its recipe by --recipe");

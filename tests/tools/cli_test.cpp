@@ -57,7 +57,7 @@ TEST_CASE("misuse is one line and status 2", "[cli]") {
   check_refusal(glyphwave({"inspect", serif, "--glyphs", "a", "--text", "a"}), {"--glyphs", "--text"});
 }
 
-TEST_CASE("what this version does not have yet is refused by name", "[cli]") {
+TEST_CASE("places of a font that has none, and numbers that are none, are refused by name", "[cli]") {
   check_refusal(glyphwave({"inspect", serif, "--location", "wght=650"}), {serif, "is not variable"});
   check_refusal(glyphwave({"inspect", serif, "--location", "wght=bold"}), {"--location", "is no number"});
   check_refusal(glyphwave({"inspect", serif, "--location", ""}), {"--location", "names no place"});
