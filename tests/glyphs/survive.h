@@ -95,7 +95,7 @@ inline Survived survive(const glyphs::Bytes& bytes, const glyphs::Location& loca
     if (facts.trouble.empty()) CHECK(std::isfinite(facts.area));
     listed += std::ssize(facts.contours);
   }
-  CHECK(listed <= 16 * std::ssize(drawn) + 2048 + stored / 16);
+  CHECK(listed <= 2048 + stored / 4);
   glyphs::check_crossings(font, drawn, {.jobs = 1});
 
   glyphs::Recipe recipe;
