@@ -155,6 +155,7 @@ Step read_weight(ObjectReader& reader) {
   if (reader.has("amount_serif")) strength.serif = share("amount_serif");
   if (reader.has("stem_x")) strength.stems.upright = thickness("stem_x");
   if (reader.has("stem_y")) strength.stems.level = thickness("stem_y");
+  if (reader.has("detail")) step.detail_scale = thickness("detail");
   step.advance = advance_policy(reader.take_choice("advance", {"keep", "sidebearings", "scale", "learnt"}, "keep"));
   return step;
 }

@@ -102,6 +102,7 @@ struct WeightStep {
   std::shared_ptr<const fontcore::WeightModel> model;  ///< none until `load_recipe` has read it
   bool carries = false;                                ///< the font is of another family than the model: `carry_weight`
   WeightStrength strength;
+  double detail_scale = 0.0;  ///< texture below rides along unthickened; 0: none
   /// What the strength means in the font at hand; none: `amounts_in` tells.
   std::optional<fontcore::WeightAmounts> amounts;
   AdvancePolicy advance = AdvancePolicy::Keep;  ///< of the last step that weighs a glyph

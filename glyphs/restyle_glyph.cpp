@@ -221,7 +221,8 @@ class GlyphEditor {
     if (!step.edit) throw RequestError(step.library_path + ": the edit of a repeat step is not loaded");
     place_on_contours(step, step.contour);
   }
-  void place(const WeightStep& step, double) {
+  void place(WeightStep step, double unit) {
+    step.detail_scale *= unit;
     if (!step.amounts) throw RequestError(step.model_path + ": the amounts of a weight step are not told");
     if (!original_.empty() && !is_nothing(*step.amounts)) steps_.push_back({step, 0});
   }
@@ -431,8 +432,9 @@ class GlyphEditor {
   StepReport weighed(const WeightStep& step, double amount, Contours& contours) {
     StepReport report;
     report.op = "weight";
-    fontcore::Weighted made = apply_weight(font_, id_, contours, *step.model, *step.amounts,
-                                           {.share = amount, .italic_angle = rules_.frame.italic_angle});
+    fontcore::Weighted made =
+        apply_weight(font_, id_, contours, *step.model, *step.amounts,
+                     {.share = amount, .italic_angle = rules_.frame.italic_angle, .detail_scale = step.detail_scale});
     report.share = made.amount;
     report.held_segments = made.held_segments;
     report.sides = {made.left_side, made.right_side};

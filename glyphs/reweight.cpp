@@ -74,6 +74,7 @@ Recipe compact_recipe(const WeightModel& model, const WeightAmounts& amounts, co
   WeightStep step;
   step.model = std::shared_ptr<const WeightModel>(std::shared_ptr<void>(), &model);
   step.amounts = amounts;
+  step.detail_scale = options.detail_scale;
   Recipe recipe;
   recipe.steps.emplace_back(std::move(step));
   recipe.keep.italic_angle = options.italic_angle;
@@ -114,7 +115,8 @@ Contours reweight_glyph(const Font& font, int id, const WeightModel& model, cons
     // Whole numbers may add what the step itself did not: less of it then.
     for (const double share : {1.0, 0.98, 0.95, 0.9, 0.8, 0.65, 0.5}) {
       const fontcore::Weighted weighted =
-          apply_weight(font, id, outline, model, amounts, {.share = share, .italic_angle = italic_angle});
+          apply_weight(font, id, outline, model, amounts,
+                       {.share = share, .italic_angle = italic_angle, .detail_scale = options.detail_scale});
       if (weighted.amount == 0.0) break;
       Contours made = in_whole_numbers(weighted.contours, outline, italic_angle);
       std::optional<int> crossings = guard.crossings_of(made);

@@ -19,6 +19,7 @@ struct ReweightOptions {
   Emission emission = Emission::Structure;
   double tolerance = 0.5;                ///< that compact emission may deviate, font units
   double italic_angle = 0.0;             ///< degrees leaning right
+  double detail_scale = 0.0;             ///< texture below rides along unthickened; font units, 0: none
   std::optional<std::vector<int>> only;  ///< glyph ids, sorted; none: all with outlines of their own
   JobOptions jobs;
 };

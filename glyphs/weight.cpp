@@ -489,7 +489,8 @@ fontcore::Weighted apply_weight(const Font& font, int glyph, const Contours& con
                                              {.amount = options.share,
                                               .amounts = amounts,
                                               .widening = widening_of(font, glyph, model),
-                                              .italic_angle = options.italic_angle});
+                                              .italic_angle = options.italic_angle,
+                                              .detail_scale = options.detail_scale});
   if (weighted.amount == 0.0) return weighted;
   const fontcore::Box old = box_of(contours);
   const fontcore::Box box = box_of(weighted.contours);

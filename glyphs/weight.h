@@ -87,6 +87,7 @@ bool is_nothing(const fontcore::WeightAmounts& amounts);
 struct GlyphWeight {
   double share = 1.0;         ///< of the amounts
   double italic_angle = 0.0;  ///< radians leaning right
+  double detail_scale = 0.0;  ///< texture below rides along unthickened; font units, 0: none
 };
 
 /// Contours of a glyph, its own or what became of them, in another weight, not rounded; the middle of their ink stays

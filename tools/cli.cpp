@@ -342,6 +342,8 @@ constexpr std::array<Command, 14> table{{
                     "FONT is of another family than the model: heights and counters are its own");
        app.add_option("--fit-amount", options.apply_weight.fit_to,
                       "a font of FONT's family with n and o in the weight wanted: carries, and fits the step to them");
+       app.add_option("--detail", options.apply_weight.detail_scale,
+                      "texture below this size rides along unthickened, font units");
        app.add_option("--italic-angle", options.apply_weight.italic_angle,
                       "what vertical means, degrees leaning right");
        app.add_option("--advance", options.apply_weight.advance,

@@ -955,10 +955,13 @@ Outcome apply_weight(const Request& request, const ApplyWeightRequest& apply) {
                                                                         {"compact", glyphs::Emission::Compact}}),
                                   .tolerance = apply.tolerance,
                                   .italic_angle = apply.italic_angle,
+                                  .detail_scale = apply.detail_scale,
                                   .only = {},
                                   .jobs = request.jobs};
   if (!(options.tolerance > 0.0) || !std::isfinite(options.tolerance))
     throw RequestError(text("--tolerance ", apply.tolerance, ": a distance above 0 is expected"));
+  if (!(options.detail_scale >= 0.0) || !std::isfinite(options.detail_scale))
+    throw RequestError(text("--detail ", apply.detail_scale, ": a size of 0 or more is expected"));
   fontcore::WeightModel model = glyphs::parse_weight(glyphs::read_text(apply.model), apply.model);
   const Font font = load(request);
   glyphs::require_kind(font, apply.output);

@@ -165,6 +165,7 @@ struct ApplyWeightRequest {
   std::string emission = "structure";
   double tolerance = 0.5;     ///< of compact emission, font units
   double italic_angle = 0.0;  ///< degrees leaning right
+  double detail_scale = 0.0;  ///< font units
   std::string proof;          ///< a picture of what changed, before and after; empty: none
   std::string against;        ///< a font where the weight is drawn: its letters beside those made, worst first
   bool strict = false;

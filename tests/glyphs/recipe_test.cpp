@@ -109,7 +109,8 @@ TEST_CASE("unknown and repeated keys, wrong types and what cannot be honoured ar
   CHECK(weight(R"(, "model": "b.json")").empty());
   CHECK(
       weight(R"(, "model": "b.json", "amount_x": 1.5, "amount_y": 0.5, "amount_thin": 0, "amount_serif": -1)").empty());
-  CHECK(weight(R"(, "model": "b.json", "stem_x": 120, "stem_y": 90, "advance": "sidebearings")").empty());
+  CHECK(weight(R"(, "model": "b.json", "stem_x": 120, "stem_y": 90, "advance": "sidebearings", "detail": 60)").empty());
+  CHECK(weight(R"(, "model": "b.json", "detail": -1)") == "r.json: steps[0].detail: must be positive");
   CHECK(weight("") == "r.json: steps[0].model: must name a weight model");
   CHECK(weight(R"(, "model": "b.json", "amount": 2.5)") == "r.json: steps[0].amount: must be from -1 to 2");
   CHECK(weight(R"(, "model": "b.json", "stem_x": 0)") == "r.json: steps[0].stem_x: must be positive");

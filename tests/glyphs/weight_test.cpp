@@ -7,6 +7,7 @@
 #include "fontcore/crossing.h"
 #include "fontcore/ink.h"
 #include "fontcore/measure.h"
+#include "glyphs/detail_library.h"
 #include "glyphs/error.h"
 #include "glyphs/recipe.h"
 #include "glyphs/restyle.h"
@@ -299,6 +300,36 @@ TEST_CASE("a step of weight in a recipe makes the area that it is held to", "[we
       CHECK(report.segments_after == report.segments_before);
       CHECK(report.steps.at(0).op == "weight");
     }
+  }
+}
+
+TEST_CASE("texture rides along unthickened: a rough letter gains the ink that the plain one gains", "[weight]") {
+  const Font font = load_font(open_sans.regular);
+  const WeightModel model = model_of(open_sans);
+  const auto gains = [&](std::optional<double> detail_scale) {
+    Recipe recipe = weight_recipe(model);
+    recipe.glyphs = "a,n,o,e,H";
+    if (detail_scale) {
+      CharacterStep brush;
+      brush.library = load_library(bundled_font("libraries/dry_brush.json"));
+      recipe.steps.insert(recipe.steps.begin(), brush);
+      std::get<WeightStep>(recipe.steps.back()).detail_scale = *detail_scale;
+    }
+    std::vector<double> result;
+    for (const GlyphReport& report : restyle(font, recipe).glyphs) {
+      CHECK(report.refused.empty());
+      result.push_back(std::abs(report.area_after) - std::abs(report.area_before));
+    }
+    return result;
+  };
+  const std::vector<double> plain = gains({});
+  const std::vector<double> carried = gains(120.0);
+  const std::vector<double> thickened = gains(0.0);
+  REQUIRE(plain.size() == 5);
+  for (std::size_t k = 0; k < plain.size(); ++k) {
+    CAPTURE(k, plain[k], carried[k], thickened[k]);
+    CHECK(carried[k] == Approx(plain[k]).epsilon(0.06));
+    CHECK(std::abs(carried[k] - plain[k]) < std::abs(thickened[k] - plain[k]));
   }
 }
 
