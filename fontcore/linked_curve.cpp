@@ -364,7 +364,14 @@ struct LinkedCurve::Rules {
       if (!corner) continue;
       const double at = unwrapped(corner->t, from - same_t);
       if (!(at > from + same_t && at < to - same_t)) continue;
-      const Held held{at, corner->p, std::min(corner->control, at - from), std::min(corner->control, to - at)};
+      Held held{at, corner->p, std::min(corner->control, at - from), std::min(corner->control, to - at)};
+      // What else is held, or a corner, stays as it is, and so do the legs beyond it.
+      const auto stop_at = [&](double t) {
+        if (t < at - same_t) held.before = std::min(held.before, at - t);
+        if (t > at + same_t) held.after = std::min(held.after, t - at);
+      };
+      for (const Held& other : held_in(splice)) stop_at(other.t);
+      for (const Pin& pin : splice.pins) stop_at(pin.t);
       for (const double side : {-1.0, 1.0}) {
         const double reach = side < 0.0 ? held.before : held.after;
         const Point wanted = (side < 0.0 ? corner->in : corner->out).normalized();
@@ -738,6 +745,19 @@ void LinkedCurve::give_back_area(const LinkedCurve& before) {
     // A single piece has no node of its own to move.
     if (pieces.size() == 1) now = now.add_node(interval.from + 0.5 * length(interval)).form;
   }
+  // A node whose neighbours meet there without a corner, or that a rule holds: directions at it are to stay.
+  const auto keeps_directions = [&](int piece) {
+    const Bezier a = now.piece(piece == 0 ? now.size() - 1 : piece - 1).bezier;
+    const Bezier b = now.piece(piece).bezier;
+    return rules_->claims(now.piece(piece).t) ||
+           end_tangent(a).dot(start_tangent(b)) > std::cos(rules_->options.corner_angle);
+  };
+  // A curve carries its handle along; of one without a handle at the other end that end would turn.
+  const auto turns_start = [](const Bezier& bezier) { return bezier.degree == 1 || bezier.p[1] == bezier.p[0]; };
+  const auto turns_end = [](const Bezier& bezier) {
+    const auto last = static_cast<std::size_t>(bezier.degree);
+    return last == 1 || bezier.p[last - 1] == bezier.p[last];
+  };
   std::vector<FreeNode> nodes;
   for (const Interval& interval : report_.changed) {
     const std::vector<int> pieces = now.pieces(interval);
@@ -748,6 +768,9 @@ void LinkedCurve::give_back_area(const LinkedCurve& before) {
       // A line that runs smoothly into a curve would turn.
       const bool is_smooth = end_tangent(a).dot(start_tangent(b)) > std::cos(rules_->options.corner_angle);
       if (is_smooth && (a.degree == 1) != (b.degree == 1)) continue;
+      const int next = pieces[i] + 1 == now.size() ? 0 : pieces[i] + 1;
+      if (turns_start(a) && keeps_directions(pieces[i - 1])) continue;
+      if (turns_end(b) && keeps_directions(next)) continue;
       nodes.push_back({pieces[i - 1], pieces[i], Point::Zero()});
     }
   }
@@ -1116,6 +1139,13 @@ LinkedCurve LinkedCurve::compacted(double tolerance) const {
   result.current_ = bezier_slot;
   result.report_ = {.rounds = 1, .changed = changed.intervals()};
   if (rules_->find<HeldArea>()) result.give_back_area(*this);
+  if (rules_->find<NoAddedCrossing>()) {
+    if (const int added = added_meetings(result); added > 0) {
+      result = *this;
+      result.report_ = {.share = 0.0, .rounds = 1, .added_crossings = added};
+      result.report_.refused = text("it would add ", added, " crossings");
+    }
+  }
   return result;
 }
 
