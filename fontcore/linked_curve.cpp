@@ -655,6 +655,7 @@ LinkedCurve LinkedCurve::with_change(const SampledSplice& asked) const {
   const SampledSplice wanted = rules_->widened(asked, [this](const Interval& interval) { return sample(interval); });
   IntervalSet changed;
   for (const Interval& interval : held.outside(wanted.interval)) {
+    if (length(interval) < same_t) continue;  // what is held ends where the splice does, but for rounding
     SampledSplice splice = wanted;
     if (length(interval) < length(wanted.interval)) {
       splice = part(wanted, interval);
@@ -705,8 +706,14 @@ struct FreeNode {
   Point by = Point::Zero();
 };
 
-/// A curve whose ends have a handle each.
-Bezier with_own_handles(const Bezier& bezier) {
+enum class Lines { Stay, Bend };
+
+/// A curve whose ends have a handle each, a line too if it may bend.
+Bezier with_own_handles(const Bezier& bezier, Lines lines) {
+  if (bezier.degree == 1 && lines == Lines::Bend) {
+    const Point third = (bezier.p[1] - bezier.p[0]) / 3.0;
+    return {{bezier.p[0], bezier.p[0] + third, bezier.p[1] - third, bezier.p[1]}, 3};
+  }
   if (bezier.degree != 2) return bezier;
   const auto& p = bezier.p;
   return {{p[0], (p[0] + 2.0 * p[1]) / 3.0, (2.0 * p[1] + p[2]) / 3.0, p[2]}, 3};
@@ -758,21 +765,30 @@ void LinkedCurve::give_back_area(const LinkedCurve& before) {
     const auto last = static_cast<std::size_t>(bezier.degree);
     return last == 1 || bezier.p[last - 1] == bezier.p[last];
   };
-  std::vector<FreeNode> nodes;
-  for (const Interval& interval : report_.changed) {
-    const std::vector<int> pieces = now.pieces(interval);
-    for (std::size_t i = 1; i < pieces.size(); ++i) {
-      const Bezier a = now.piece(pieces[i - 1]).bezier;
-      const Bezier b = now.piece(pieces[i]).bezier;
-      if (rules_->claims(now.piece(pieces[i]).t)) continue;
-      // A line that runs smoothly into a curve would turn.
-      const bool is_smooth = end_tangent(a).dot(start_tangent(b)) > std::cos(rules_->options.corner_angle);
-      if (is_smooth && (a.degree == 1) != (b.degree == 1)) continue;
-      const int next = pieces[i] + 1 == now.size() ? 0 : pieces[i] + 1;
-      if (turns_start(a) && keeps_directions(pieces[i - 1])) continue;
-      if (turns_end(b) && keeps_directions(next)) continue;
-      nodes.push_back({pieces[i - 1], pieces[i], Point::Zero()});
+  Lines lines = Lines::Stay;
+  const auto free_nodes = [&] {
+    std::vector<FreeNode> nodes;
+    for (const Interval& interval : report_.changed) {
+      const std::vector<int> pieces = now.pieces(interval);
+      for (std::size_t i = 1; i < pieces.size(); ++i) {
+        if (rules_->claims(now.piece(pieces[i]).t)) continue;
+        const Bezier a = with_own_handles(now.piece(pieces[i - 1]).bezier, lines);
+        const Bezier b = with_own_handles(now.piece(pieces[i]).bezier, lines);
+        // A line that runs smoothly into a curve would turn.
+        const bool is_smooth = end_tangent(a).dot(start_tangent(b)) > std::cos(rules_->options.corner_angle);
+        if (is_smooth && (a.degree == 1) != (b.degree == 1)) continue;
+        const int next = pieces[i] + 1 == now.size() ? 0 : pieces[i] + 1;
+        if (turns_start(a) && keeps_directions(pieces[i - 1])) continue;
+        if (turns_end(b) && keeps_directions(next)) continue;
+        nodes.push_back({pieces[i - 1], pieces[i], Point::Zero()});
+      }
     }
+    return nodes;
+  };
+  std::vector<FreeNode> nodes = free_nodes();
+  if (nodes.empty()) {  // lines bend before the area is missed
+    lines = Lines::Bend;
+    nodes = free_nodes();
   }
   if (nodes.empty()) return;
   const auto area_moved = [](Bezier a, Bezier b, const Point& by) {
@@ -782,8 +798,8 @@ void LinkedCurve::give_back_area(const LinkedCurve& before) {
   };
   double steepness = 0.0;
   for (FreeNode& node : nodes) {
-    const Bezier a = with_own_handles(now.piece(node.before).bezier);
-    const Bezier b = with_own_handles(now.piece(node.after).bezier);
+    const Bezier a = with_own_handles(now.piece(node.before).bezier, lines);
+    const Bezier b = with_own_handles(now.piece(node.after).bezier, lines);
     for (int axis = 0; axis < 2; ++axis) {
       const Point unit = Point::Unit(axis);
       node.by[axis] = 0.5 * (area_moved(a, b, unit) - area_moved(a, b, -unit));
@@ -795,7 +811,7 @@ void LinkedCurve::give_back_area(const LinkedCurve& before) {
   const auto displaced = [&](double share) {
     std::map<int, Bezier> pieces;
     const auto piece = [&](int index) -> Bezier& {
-      return pieces.try_emplace(index, with_own_handles(now.piece(index).bezier)).first->second;
+      return pieces.try_emplace(index, with_own_handles(now.piece(index).bezier, lines)).first->second;
     };
     for (const FreeNode& node : nodes) {
       move_end(piece(node.before), share * node.by);

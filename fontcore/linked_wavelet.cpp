@@ -609,6 +609,7 @@ std::shared_ptr<const Representation> LinkedWavelet::splice(const SampledSplice&
     const std::vector<Interval> parts =
         fit.is_closed ? std::vector<Interval>{samples.interval} : IntervalSet({samples.interval}).within(arc.interval);
     for (const Interval& part : parts) {
+      if (length(part) < same_t) continue;  // the end of an arc that the next one begins at, but for rounding
       const double from = unwrapped(part.from, arc.interval.from - same_t);
       const double to = from + length(part);
       const double arc_end = arc.interval.from + length(arc.interval);
