@@ -923,7 +923,8 @@ namespace {
 
 /// Whether a node passes the corner with both its directions.
 bool passes(const LinkedBezier& bezier, const HeldCorner& corner) {
-  return bezier.piece(bezier.piece_at(corner.t)).t == wrapped(corner.t) &&
+  const double node = bezier.piece(bezier.piece_at(corner.t + same_t)).t;  // that at t may be beside it by rounding
+  return std::abs(unwrapped(node - corner.t, -0.5)) <= same_t &&
          (bezier.evaluate(corner.t) - corner.p).norm() < same_place &&
          (bezier.tangent(corner.t, Side::Left) - corner.in.normalized()).norm() < same_place &&
          (bezier.tangent(corner.t, Side::Right) - corner.out.normalized()).norm() < same_place;
