@@ -1068,7 +1068,13 @@ LinkedCurve LinkedCurve::compacted(double tolerance) const {
     }
     return t;
   };
+  const auto is_known = [&](double t) {
+    return std::any_of(node.begin(), node.end(), [t](const std::optional<double>& known) {
+      return known && std::abs(unwrapped(*known - t, -0.5)) < same_place;
+    });
+  };
   for (const double corner : rules_->corners) {
+    if (is_known(corner)) continue;  // the end of a kept piece
     const Point p = old.evaluate(corner);
     double best = 4.0 * std::max(tolerance, 1e-9);
     std::optional<std::size_t> found;
@@ -1120,8 +1126,9 @@ LinkedCurve LinkedCurve::compacted(double tolerance) const {
       compact.push_back({last, contour.segment(static_cast<int>(i))});
     }
   }
-  for (std::size_t k = 0; k + 1 < compact.size(); ++k) {
-    if (!(compact[k + 1].t > compact[k].t)) return *this;  // it doubled back on itself: no t for it
+  for (std::size_t k = 0; k < compact.size(); ++k) {
+    const double next = k + 1 < compact.size() ? compact[k + 1].t : compact.front().t + 1.0;
+    if (!(next > compact[k].t)) return *this;  // it doubled back on itself: no t for it
   }
   // Run by run, so that what is kept is not touched at all.
   LinkedBezier next = old;
