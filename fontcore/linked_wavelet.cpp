@@ -269,6 +269,25 @@ struct LinkedWavelet::Fit {
           }
         }
       }
+      if (is_cyclic) {
+        // Each begins in the one turn: targets reach half a turn beyond it and no farther.
+        const double whole = high - low;
+        for (auto& [from, to] : finer) {
+          const double turns = std::floor((from - low) / whole) * whole;
+          from -= turns;
+          to = std::min(to - turns, from + whole);
+        }
+        std::sort(finer.begin(), finer.end());
+        std::vector<std::pair<double, double>> apart;
+        for (const auto& [from, to] : finer) {
+          if (!apart.empty() && from <= apart.back().second) {
+            apart.back().second = std::max(apart.back().second, to);
+          } else {
+            apart.emplace_back(from, to);
+          }
+        }
+        finer = std::move(apart);
+      }
       if (is_cyclic && finer.size() > 1 && finer.back().second - (high - low) >= finer.front().first) {
         finer.back().second = std::max(finer.back().second, finer.front().second + (high - low));
         finer.erase(finer.begin());
