@@ -183,6 +183,22 @@ TEST_CASE("a straight stretch takes fine detail out of every form", "[linked]") 
   }
 }
 
+TEST_CASE("a closed form follows fine detail about the place where t begins", "[linked]") {
+  for (const double width : {0.3, 0.03, 0.003}) {
+    const LinkedCurve curve(shapes::circle(300));
+    SampledSplice whole{whole_curve, {}};
+    for (int k = 0; k <= 4000; ++k) {
+      const double t = k / 4000.0;
+      const double near = (t < 0.5 ? t : t - 1.0) / width;
+      const Point p = curve.bezier().evaluate(t == 1.0 ? 0.0 : t);
+      whole.samples.push_back({t, p * (1.0 + 0.1 * std::exp(-near * near) * std::cos(5.0 * near))});
+    }
+    const LinkedCurve rough = curve.with_splice(whole);
+    CHECK(farthest_apart(rough.bezier(), rough.wavelet()) <= rough.epsilon());
+    CHECK(farthest_apart(rough.bezier(), rough.arcwise()) <= rough.epsilon());
+  }
+}
+
 TEST_CASE("all forms stay within epsilon of each other over many splices", "[linked]") {
   std::mt19937 random(7);
   const auto uniform = [&](double low, double high) {
