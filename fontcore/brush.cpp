@@ -69,15 +69,19 @@ std::vector<Interval> marked_parts(const LinkedCurve& curve) {
   return free_parts(curve, corners.empty() ? whole_curve : Interval{corners.front(), corners.front()});
 }
 
+// Two parameters nearer to each other than this are one: t was carried round 1 and back.
+constexpr double same_t = 1e-12;
+
 // Which of some parameters lie inside a run, unwrapped as there, ascending.
 std::vector<double> within(const std::vector<double>& parameters, const Run& run) {
   std::vector<double> inside;
   for (const double t : parameters) {
-    const double at = t >= run.front().t ? t : t + 1.0;
-    if (at > run.front().t && at < run.back().t) inside.push_back(at);
+    const double at = t > run.front().t - same_t ? t : t + 1.0;
+    if (at > run.front().t + same_t && at < run.back().t - same_t) inside.push_back(at);
   }
   std::sort(inside.begin(), inside.end());
-  inside.erase(std::unique(inside.begin(), inside.end()), inside.end());
+  const auto is_one = [](double a, double b) { return b - a <= same_t; };
+  inside.erase(std::unique(inside.begin(), inside.end(), is_one), inside.end());
   return inside;
 }
 
@@ -96,11 +100,16 @@ std::vector<double> held_places(const LinkedCurve& curve) {
   return held;
 }
 
-// A run with samples at parameters, which are ascending and inside it.
+// A run with samples at parameters, which are from `within`; of a sample that is there by rounding it takes the place.
 void add_samples(Run& run, const std::vector<double>& parameters) {
   for (const double t : parameters) {
-    const auto after = std::partition_point(run.begin(), run.end(), [t](const Sample& sample) { return sample.t < t; });
-    if (after->t == t) continue;
+    const auto after =
+        std::partition_point(run.begin(), run.end(), [t](const Sample& sample) { return sample.t < t - same_t; });
+    if (after->t <= t + same_t) {
+      after->t = t;
+      while (after[1].t <= t + same_t) run.erase(after + 1);
+      continue;
+    }
     const Sample& before = after[-1];
     const double u = (t - before.t) / (after->t - before.t);
     run.insert(after, {t, (1.0 - u) * before.p + u * after->p});
@@ -124,9 +133,13 @@ void add_pins(const LinkedCurve& curve, SampledSplice& splice) {
   const std::vector<double> corners = within(curve.corners(), splice.samples);
   add_samples(splice.samples, corners);
   for (const double t : corners) {
-    const bool is_there =
-        std::any_of(splice.pins.begin(), splice.pins.end(), [t](const Pin& pin) { return pin.t == t; });
-    if (!is_there) splice.pins.push_back({.t = t, .is_corner = true});
+    const auto pin = std::find_if(splice.pins.begin(), splice.pins.end(),
+                                  [t](const Pin& other) { return std::abs(other.t - t) <= same_t; });
+    if (pin == splice.pins.end()) {
+      splice.pins.push_back({.t = t, .is_corner = true});
+    } else {
+      pin->t = t;
+    }
   }
   std::sort(splice.pins.begin(), splice.pins.end(), [](const Pin& a, const Pin& b) { return a.t < b.t; });
 }
@@ -183,17 +196,20 @@ SampledSplice with_room(const LinkedCurve& curve, const LinkedPolyline& polyline
   const double end = start + (to - from);
   const auto of_neighbours = [&](const std::vector<double>& parameters) {
     std::vector<double> inside = within(parameters, run);
-    std::erase_if(inside, [&](double t) { return t > start && t < end; });
+    std::erase_if(inside, [&](double t) { return t > start + same_t && t < end - same_t; });
     return inside;
   };
   const std::vector<double> corners = of_neighbours(curve.corners());
   std::vector<double> held = of_neighbours(held_places(curve));
   held.insert(held.end(), corners.begin(), corners.end());
-  std::sort(held.begin(), held.end());
+  held = within(held, run);
   add_samples(run, held);
   std::vector<Pin> pins = splice.pins;
   for (Pin& pin : pins) pin.t += start - from;
-  for (const double t : corners) pins.push_back({.t = t, .is_corner = true});
+  for (const double t : corners) {
+    std::erase_if(pins, [t](const Pin& pin) { return std::abs(pin.t - t) <= same_t; });
+    pins.push_back({.t = t, .is_corner = true});
+  }
   std::sort(pins.begin(), pins.end(), [](const Pin& a, const Pin& b) { return a.t < b.t; });
   const Run spread = respaced(run, held);
   SampledSplice result = splice_of(spread);
@@ -319,6 +335,13 @@ LinkedCurve move_control_point(const LinkedCurve& curve, const ControlPoint& con
 }
 
 LinkedCurve add_control_point(const LinkedCurve& curve, FormKind form, double t) {
+  if (!std::isfinite(t)) throw InvalidInput("add_control_point: t is not finite");
+  for (const Interval& frozen : curve.frozen()) {
+    const double way = wrapped(t - frozen.from);
+    if (length(frozen) >= 1.0 || (way > 0.0 && way < length(frozen))) {
+      throw UnsatisfiableConstraints(text("add_control_point: what is frozen claims t = ", t));
+    }
+  }
   switch (form) {
     case FormKind::Bezier:
       return curve.with(curve.bezier().add_node(t).form, {});

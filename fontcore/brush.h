@@ -39,7 +39,8 @@ struct ControlPoint {
 Point place_of(const LinkedCurve& curve, const ControlPoint& control);
 LinkedCurve move_control_point(const LinkedCurve& curve, const ControlPoint& control, const Point& to);
 /// One more, at t: a node of the Bezier form, a vertex or a knot. The curve stays.
-/// Throws  InvalidInput if there is one at t, or if the form is a wavelet: its levels say how many there are.
+/// Throws  InvalidInput if there is one at t, or if the form is a wavelet: its levels say how many there are;
+///         UnsatisfiableConstraints if t is in a frozen stretch.
 LinkedCurve add_control_point(const LinkedCurve& curve, FormKind form, double t);
 /// One less: a node (the start of a piece), a vertex or a knot.
 /// Throws  InvalidInput too if too few are left, or if the form is a wavelet.

@@ -364,7 +364,14 @@ struct LinkedCurve::Rules {
       if (!corner) continue;
       const double at = unwrapped(corner->t, from - same_t);
       if (!(at > from + same_t && at < to - same_t)) continue;
-      const Held held{at, corner->p, std::min(corner->control, at - from), std::min(corner->control, to - at)};
+      Held held{at, corner->p, std::min(corner->control, at - from), std::min(corner->control, to - at)};
+      // What else is held, or a corner, stays as it is, and so do the legs beyond it.
+      const auto stop_at = [&](double t) {
+        if (t < at - same_t) held.before = std::min(held.before, at - t);
+        if (t > at + same_t) held.after = std::min(held.after, t - at);
+      };
+      for (const Held& other : held_in(splice)) stop_at(other.t);
+      for (const Pin& pin : splice.pins) stop_at(pin.t);
       for (const double side : {-1.0, 1.0}) {
         const double reach = side < 0.0 ? held.before : held.after;
         const Point wanted = (side < 0.0 ? corner->in : corner->out).normalized();
@@ -648,6 +655,7 @@ LinkedCurve LinkedCurve::with_change(const SampledSplice& asked) const {
   const SampledSplice wanted = rules_->widened(asked, [this](const Interval& interval) { return sample(interval); });
   IntervalSet changed;
   for (const Interval& interval : held.outside(wanted.interval)) {
+    if (length(interval) < same_t) continue;  // what is held ends where the splice does, but for rounding
     SampledSplice splice = wanted;
     if (length(interval) < length(wanted.interval)) {
       splice = part(wanted, interval);
@@ -698,8 +706,14 @@ struct FreeNode {
   Point by = Point::Zero();
 };
 
-/// A curve whose ends have a handle each.
-Bezier with_own_handles(const Bezier& bezier) {
+enum class Lines { Stay, Bend };
+
+/// A curve whose ends have a handle each, a line too if it may bend.
+Bezier with_own_handles(const Bezier& bezier, Lines lines) {
+  if (bezier.degree == 1 && lines == Lines::Bend) {
+    const Point third = (bezier.p[1] - bezier.p[0]) / 3.0;
+    return {{bezier.p[0], bezier.p[0] + third, bezier.p[1] - third, bezier.p[1]}, 3};
+  }
   if (bezier.degree != 2) return bezier;
   const auto& p = bezier.p;
   return {{p[0], (p[0] + 2.0 * p[1]) / 3.0, (2.0 * p[1] + p[2]) / 3.0, p[2]}, 3};
@@ -738,18 +752,43 @@ void LinkedCurve::give_back_area(const LinkedCurve& before) {
     // A single piece has no node of its own to move.
     if (pieces.size() == 1) now = now.add_node(interval.from + 0.5 * length(interval)).form;
   }
-  std::vector<FreeNode> nodes;
-  for (const Interval& interval : report_.changed) {
-    const std::vector<int> pieces = now.pieces(interval);
-    for (std::size_t i = 1; i < pieces.size(); ++i) {
-      const Bezier a = now.piece(pieces[i - 1]).bezier;
-      const Bezier b = now.piece(pieces[i]).bezier;
-      if (rules_->claims(now.piece(pieces[i]).t)) continue;
-      // A line that runs smoothly into a curve would turn.
-      const bool is_smooth = end_tangent(a).dot(start_tangent(b)) > std::cos(rules_->options.corner_angle);
-      if (is_smooth && (a.degree == 1) != (b.degree == 1)) continue;
-      nodes.push_back({pieces[i - 1], pieces[i], Point::Zero()});
+  // A node whose neighbours meet there without a corner, or that a rule holds: directions at it are to stay.
+  const auto keeps_directions = [&](int piece) {
+    const Bezier a = now.piece(piece == 0 ? now.size() - 1 : piece - 1).bezier;
+    const Bezier b = now.piece(piece).bezier;
+    return rules_->claims(now.piece(piece).t) ||
+           end_tangent(a).dot(start_tangent(b)) > std::cos(rules_->options.corner_angle);
+  };
+  // A curve carries its handle along; of one without a handle at the other end that end would turn.
+  const auto turns_start = [](const Bezier& bezier) { return bezier.degree == 1 || bezier.p[1] == bezier.p[0]; };
+  const auto turns_end = [](const Bezier& bezier) {
+    const auto last = static_cast<std::size_t>(bezier.degree);
+    return last == 1 || bezier.p[last - 1] == bezier.p[last];
+  };
+  Lines lines = Lines::Stay;
+  const auto free_nodes = [&] {
+    std::vector<FreeNode> nodes;
+    for (const Interval& interval : report_.changed) {
+      const std::vector<int> pieces = now.pieces(interval);
+      for (std::size_t i = 1; i < pieces.size(); ++i) {
+        if (rules_->claims(now.piece(pieces[i]).t)) continue;
+        const Bezier a = with_own_handles(now.piece(pieces[i - 1]).bezier, lines);
+        const Bezier b = with_own_handles(now.piece(pieces[i]).bezier, lines);
+        // A line that runs smoothly into a curve would turn.
+        const bool is_smooth = end_tangent(a).dot(start_tangent(b)) > std::cos(rules_->options.corner_angle);
+        if (is_smooth && (a.degree == 1) != (b.degree == 1)) continue;
+        const int next = pieces[i] + 1 == now.size() ? 0 : pieces[i] + 1;
+        if (turns_start(a) && keeps_directions(pieces[i - 1])) continue;
+        if (turns_end(b) && keeps_directions(next)) continue;
+        nodes.push_back({pieces[i - 1], pieces[i], Point::Zero()});
+      }
     }
+    return nodes;
+  };
+  std::vector<FreeNode> nodes = free_nodes();
+  if (nodes.empty()) {  // lines bend before the area is missed
+    lines = Lines::Bend;
+    nodes = free_nodes();
   }
   if (nodes.empty()) return;
   const auto area_moved = [](Bezier a, Bezier b, const Point& by) {
@@ -759,8 +798,8 @@ void LinkedCurve::give_back_area(const LinkedCurve& before) {
   };
   double steepness = 0.0;
   for (FreeNode& node : nodes) {
-    const Bezier a = with_own_handles(now.piece(node.before).bezier);
-    const Bezier b = with_own_handles(now.piece(node.after).bezier);
+    const Bezier a = with_own_handles(now.piece(node.before).bezier, lines);
+    const Bezier b = with_own_handles(now.piece(node.after).bezier, lines);
     for (int axis = 0; axis < 2; ++axis) {
       const Point unit = Point::Unit(axis);
       node.by[axis] = 0.5 * (area_moved(a, b, unit) - area_moved(a, b, -unit));
@@ -772,7 +811,7 @@ void LinkedCurve::give_back_area(const LinkedCurve& before) {
   const auto displaced = [&](double share) {
     std::map<int, Bezier> pieces;
     const auto piece = [&](int index) -> Bezier& {
-      return pieces.try_emplace(index, with_own_handles(now.piece(index).bezier)).first->second;
+      return pieces.try_emplace(index, with_own_handles(now.piece(index).bezier, lines)).first->second;
     };
     for (const FreeNode& node : nodes) {
       move_end(piece(node.before), share * node.by);
@@ -884,7 +923,8 @@ namespace {
 
 /// Whether a node passes the corner with both its directions.
 bool passes(const LinkedBezier& bezier, const HeldCorner& corner) {
-  return bezier.piece(bezier.piece_at(corner.t)).t == wrapped(corner.t) &&
+  const double node = bezier.piece(bezier.piece_at(corner.t + same_t)).t;  // that at t may be beside it by rounding
+  return std::abs(unwrapped(node - corner.t, -0.5)) <= same_t &&
          (bezier.evaluate(corner.t) - corner.p).norm() < same_place &&
          (bezier.tangent(corner.t, Side::Left) - corner.in.normalized()).norm() < same_place &&
          (bezier.tangent(corner.t, Side::Right) - corner.out.normalized()).norm() < same_place;
@@ -1028,7 +1068,13 @@ LinkedCurve LinkedCurve::compacted(double tolerance) const {
     }
     return t;
   };
+  const auto is_known = [&](double t) {
+    return std::any_of(node.begin(), node.end(), [t](const std::optional<double>& known) {
+      return known && std::abs(unwrapped(*known - t, -0.5)) < same_place;
+    });
+  };
   for (const double corner : rules_->corners) {
+    if (is_known(corner)) continue;  // the end of a kept piece
     const Point p = old.evaluate(corner);
     double best = 4.0 * std::max(tolerance, 1e-9);
     std::optional<std::size_t> found;
@@ -1080,8 +1126,9 @@ LinkedCurve LinkedCurve::compacted(double tolerance) const {
       compact.push_back({last, contour.segment(static_cast<int>(i))});
     }
   }
-  for (std::size_t k = 0; k + 1 < compact.size(); ++k) {
-    if (!(compact[k + 1].t > compact[k].t)) return *this;  // it doubled back on itself: no t for it
+  for (std::size_t k = 0; k < compact.size(); ++k) {
+    const double next = k + 1 < compact.size() ? compact[k + 1].t : compact.front().t + 1.0;
+    if (!(next > compact[k].t)) return *this;  // it doubled back on itself: no t for it
   }
   // Run by run, so that what is kept is not touched at all.
   LinkedBezier next = old;
@@ -1116,6 +1163,13 @@ LinkedCurve LinkedCurve::compacted(double tolerance) const {
   result.current_ = bezier_slot;
   result.report_ = {.rounds = 1, .changed = changed.intervals()};
   if (rules_->find<HeldArea>()) result.give_back_area(*this);
+  if (rules_->find<NoAddedCrossing>()) {
+    if (const int added = added_meetings(result); added > 0) {
+      result = *this;
+      result.report_ = {.share = 0.0, .rounds = 1, .added_crossings = added};
+      result.report_.refused = text("it would add ", added, " crossings");
+    }
+  }
   return result;
 }
 

@@ -220,6 +220,19 @@ struct LinkedWavelet::Fit {
   void fit(double low, double high, const std::function<Point(double)>& target, const std::vector<double>& places,
            double tolerance) {
     const bool is_cyclic = is_closed && high - low >= static_cast<double>(closed_spans);
+    // Displacements that reach in over an end stayed: what each level has there is looked at by its own steps.
+    std::vector<double> looked_at = places;
+    const auto look_at = [&](double way) {
+      if (is_cyclic || low + way >= high) return;
+      looked_at.push_back(low + way);
+      looked_at.push_back(high - way);
+    };
+    const auto levels = static_cast<int>(arc.levels.size());
+    for (int level = 0; level < levels; ++level) {
+      for (const double spans : {2.5, 3.0, 3.5, 4.0}) look_at(std::ldexp(spans, -level));
+    }
+    for (const double spans : {0.5, 1.0, 1.5, 2.0}) look_at(std::ldexp(spans, 1 - levels));
+    std::sort(looked_at.begin(), looked_at.end());
     std::vector<std::pair<double, double>> stretches{{low, high}};
     for (int level = 0; level <= finest && !stretches.empty(); ++level) {
       std::vector<std::pair<double, double>> finer;
@@ -228,8 +241,8 @@ struct LinkedWavelet::Fit {
         std::vector<Target> targets;
         const double step = std::ldexp(0.25, -level);
         std::vector<double> at;
-        const auto first = std::lower_bound(places.begin(), places.end(), from);
-        const auto last = std::upper_bound(places.begin(), places.end(), to);
+        const auto first = std::lower_bound(looked_at.begin(), looked_at.end(), from);
+        const auto last = std::upper_bound(looked_at.begin(), looked_at.end(), to);
         at.assign(first, last);
         for (double s = (std::floor(from / step) + 1.0) * step; s < to; s += step) at.push_back(s);
         at.push_back(from);
@@ -255,6 +268,25 @@ struct LinkedWavelet::Fit {
             finer.emplace_back(near_low, near_high);
           }
         }
+      }
+      if (is_cyclic) {
+        // Each begins in the one turn: targets reach half a turn beyond it and no farther.
+        const double whole = high - low;
+        for (auto& [from, to] : finer) {
+          const double turns = std::floor((from - low) / whole) * whole;
+          from -= turns;
+          to = std::min(to - turns, from + whole);
+        }
+        std::sort(finer.begin(), finer.end());
+        std::vector<std::pair<double, double>> apart;
+        for (const auto& [from, to] : finer) {
+          if (!apart.empty() && from <= apart.back().second) {
+            apart.back().second = std::max(apart.back().second, to);
+          } else {
+            apart.emplace_back(from, to);
+          }
+        }
+        finer = std::move(apart);
       }
       if (is_cyclic && finer.size() > 1 && finer.back().second - (high - low) >= finer.front().first) {
         finer.back().second = std::max(finer.back().second, finer.front().second + (high - low));
@@ -609,6 +641,7 @@ std::shared_ptr<const Representation> LinkedWavelet::splice(const SampledSplice&
     const std::vector<Interval> parts =
         fit.is_closed ? std::vector<Interval>{samples.interval} : IntervalSet({samples.interval}).within(arc.interval);
     for (const Interval& part : parts) {
+      if (length(part) < same_t) continue;  // the end of an arc that the next one begins at, but for rounding
       const double from = unwrapped(part.from, arc.interval.from - same_t);
       const double to = from + length(part);
       const double arc_end = arc.interval.from + length(arc.interval);

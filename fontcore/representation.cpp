@@ -387,7 +387,8 @@ class CubicFit {
   void add(std::size_t i, std::size_t j, const Direction& out, const Direction& in) {
     const Point chord = samples_[j].p - samples_[i].p;
     const auto bends_chord = [&](const Direction& direction) {
-      return direction.is_given && (chord - chord.norm() * direction.along).norm() > straight * (1.0 + chord.norm());
+      const double least = direction.is_pinned ? chord.norm() : 1.0 + chord.norm();
+      return direction.is_given && (chord - chord.norm() * direction.along).norm() > straight * least;
     };
     const bool is_bent = bends_chord(out) || bends_chord(in);
     const Bezier line{{samples_[i].p, samples_[j].p, Point::Zero(), Point::Zero()}, 1};
@@ -500,7 +501,10 @@ std::vector<LinkedBezier::Piece> LinkedBezier::pieces_within(const Interval& int
   std::vector<Piece> result;
   const double from = wrapped(interval.from);
   const double to = from + fontcore::length(interval);
-  for (const int index : pieces(interval)) {
+  std::vector<int> own = pieces(interval);
+  // One that the interval begins in and comes round to again has a part at either end.
+  if (node(own.front()) < from && node(own.front()) + 1.0 < to - same_t) own.push_back(own.front());
+  for (const int index : own) {
     double start = node(index);
     double stop = end(index);
     if (stop <= from + same_t || (!result.empty() && start < from)) {
@@ -530,7 +534,7 @@ Point LinkedBezier::evaluate(double t) const {
 }
 
 Point LinkedBezier::tangent(double t, Side side) const {
-  const double in = wrapped(t);
+  const double in = wrapped(snapped(wrapped(t)));  // beside a node by rounding the other side would be taken for this
   int index = piece_at(in);
   const bool is_node = node(index) == in;
   if (side == Side::Left && is_node) index = index == 0 ? size() - 1 : index - 1;
@@ -617,8 +621,9 @@ LinkedBezier LinkedBezier::replaced(const Interval& interval, const std::vector<
   if (end_in == 0.0) end_in = 1.0;
   const double to = end_in > from ? end_in : end_in + 1.0;
   std::vector<Stretch> stretches;
+  const double shift = start - by.front().t;  // 0 as a rule: then t stays as it is, bit for bit
   for (std::size_t i = 0; i < by.size(); ++i) {
-    double t = i == 0 ? from : by[i].t - by.front().t + start;
+    double t = i == 0 ? from : by[i].t + shift;
     if (i > 0 && from == 0.0 && start > 0.5) t -= 1.0;
     if (std::abs(t - 1.0) < same_t) t = 1.0;
     if (!(t < to) || (i > 0 && !(t > stretches.back().t))) {

@@ -141,7 +141,11 @@ bool operator==(const IntervalSet& a, const IntervalSet& b) {
 }
 
 Point SampledSplice::at(double t) const {
-  if (t < samples.front().t || t > samples.back().t) t = unwrapped(t, samples.front().t);
+  if (t < samples.front().t || t > samples.back().t) {
+    t = unwrapped(t, samples.front().t);
+    const double past = t - samples.back().t;
+    if (past > 0.0) return (past < samples.front().t + 1.0 - t ? samples.back() : samples.front()).p;
+  }
   const auto after =
       std::partition_point(samples.begin(), samples.end(), [t](const Sample& sample) { return sample.t <= t; });
   if (after == samples.begin()) return samples.front().p;

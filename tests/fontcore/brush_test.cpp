@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "fontcore/error.h"
+#include "fontcore/measure.h"
 #include "tests/catch.h"
 #include "tests/shapes.h"
 
@@ -208,6 +209,31 @@ TEST_CASE("a corner passes its point with both its tangents", "[brush]") {
   CHECK_THROWS_AS(move_corner(curve, name, to), InvalidInput);
 }
 
+TEST_CASE("corners keep their directions whatever is changed about them, with an area held", "[brush]") {
+  for (const BezierContour& contour : {letter(), shapes::circle(300.0)}) {
+    LinkedCurve curve = LinkedCurve(contour).with_rule({"area", HeldArea{signed_area(contour)}});
+    for (const double t : {0.027, 0.31, 0.33, 0.62, 0.9}) curve = make_corner(curve, t, 0.03);  // 0.31 in reach of 0.33
+    REQUIRE(corner_handles(curve).size() == 5);
+    const auto require_held = [&] {
+      for (const auto& [name, corner] : corner_handles(curve)) {
+        INFO(name);
+        REQUIRE((curve.bezier().evaluate(corner.t) - corner.p).norm() < 1e-9);
+        REQUIRE((curve.bezier().tangent(corner.t, Side::Left) - corner.in.normalized()).norm() < 1e-9);
+        REQUIRE((curve.bezier().tangent(corner.t, Side::Right) - corner.out.normalized()).norm() < 1e-9);
+      }
+      REQUIRE(signed_area(curve.bezier().contour()) == Approx(signed_area(contour)).epsilon(1e-9));
+    };
+    for (const Interval& marks : {Interval{0.8, 0.1}, Interval{0.55, 0.5}, Interval{0.25, 0.4}, Interval{0.6, 0.59}}) {
+      curve = smooth_marked(curve.with_marks(marks), 30.0).with_marks(std::nullopt);
+      require_held();
+      for (const FormKind form : {FormKind::Spline, FormKind::Wavelet}) {
+        curve = pull(curve, wrapped(marks.from + 0.05), {15.0, -10.0}, 300.0, form);
+        require_held();
+      }
+    }
+  }
+}
+
 TEST_CASE("marks follow a click and a drag, and bound what tools change", "[brush]") {
   const LinkedCurve curve(shapes::circle(300.0), {.epsilon = 0.5});
   // Over the place where t begins.
@@ -293,6 +319,9 @@ TEST_CASE("control points of every form are moved, added and removed", "[brush]"
     CHECK(farthest_apart(fewer.bezier(), fewer.polyline()) <= fewer.epsilon());
   }
   CHECK_THROWS_AS(place_of(curve, {.form = FormKind::Polyline, .index = 1'000'000}), InvalidInput);
+  const LinkedCurve frozen = curve.with_frozen({0.9, 0.2});
+  CHECK_THROWS_AS(add_control_point(frozen, FormKind::Bezier, 0.1234), UnsatisfiableConstraints);
+  CHECK(add_control_point(frozen, FormKind::Bezier, 0.31).bezier().size() == curve.bezier().size() + 1);
 }
 
 TEST_CASE("direct manipulation takes a point where it is wanted, by three widths", "[brush]") {

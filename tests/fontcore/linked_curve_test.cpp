@@ -136,6 +136,69 @@ TEST_CASE("both halves of epsilon are kept, whatever epsilon is", "[linked]") {
   }
 }
 
+TEST_CASE("samples beyond their ends are at the nearer one", "[linked]") {
+  const SampledSplice splice{{0.2, 0.5}, {{0.2, {1, 0}}, {0.5, {2, 0}}}};
+  CHECK(splice.at(std::nextafter(0.2, 0.0)) == Point(1, 0));
+  CHECK(splice.at(std::nextafter(0.5, 1.0)) == Point(2, 0));
+  CHECK(splice.at(1.1) == Point(1, 0));
+  CHECK(splice.at(0.6) == Point(2, 0));
+  CHECK(splice.at(1.35).x() == Approx(1.5).epsilon(1e-12));
+}
+
+TEST_CASE("the parts of a curve over a stretch and over what is left make up the whole", "[linked]") {
+  const BezierContour contour = shapes::circle(300);
+  const LinkedBezier bezier(contour);
+  for (const Interval& interval : {Interval{0.3, 0.29}, Interval{0.29, 0.3}, Interval{0.1, 0.7}, Interval{0.4, 0.4}}) {
+    double area = 0.0;
+    for (const LinkedBezier::Piece& piece : bezier.pieces_within(interval)) area += signed_area(piece.bezier);
+    if (length(interval) < 1.0) {
+      for (const LinkedBezier::Piece& piece : bezier.pieces_within({interval.to, interval.from})) {
+        area += signed_area(piece.bezier);
+      }
+    }
+    CHECK(area == Approx(signed_area(contour)).epsilon(1e-12));
+  }
+}
+
+TEST_CASE("a straight stretch takes fine detail out of every form", "[linked]") {
+  for (const Interval& line : {Interval{0.30, 0.33}, Interval{0.05, 0.2}, Interval{0.9, 0.15}}) {
+    LinkedCurve curve(letter());
+    static_cast<void>(curve.arcwise());
+    static_cast<void>(curve.wavelet());
+    SampledSplice rough = curve.sample(whole_curve);
+    const SampledSplice smooth = rough;
+    rough.samples.clear();
+    for (int k = 0; k <= 2000; ++k) {
+      rough.samples.push_back({k / 2000.0, smooth.at(k / 2000.0) + 4.0 * std::sin(0.9 * k) * Point(1, -1)});
+    }
+    rough.samples.back().p = rough.samples.front().p;
+    curve = curve.with_splice(rough);
+    static_cast<void>(curve.arcwise());
+    static_cast<void>(curve.wavelet());
+    const Point from = curve.bezier().evaluate(line.from);
+    const Point to = curve.bezier().evaluate(line.to);
+    curve = curve.with_splice({line, {{line.from, from}, {line.from + length(line), to}}});
+    CHECK(farthest_apart(curve.bezier(), curve.arcwise()) <= curve.epsilon());
+    CHECK(farthest_apart(curve.bezier(), curve.wavelet()) <= curve.epsilon());
+  }
+}
+
+TEST_CASE("a closed form follows fine detail about the place where t begins", "[linked]") {
+  for (const double width : {0.3, 0.03, 0.003}) {
+    const LinkedCurve curve(shapes::circle(300));
+    SampledSplice whole{whole_curve, {}};
+    for (int k = 0; k <= 4000; ++k) {
+      const double t = k / 4000.0;
+      const double near = (t < 0.5 ? t : t - 1.0) / width;
+      const Point p = curve.bezier().evaluate(t == 1.0 ? 0.0 : t);
+      whole.samples.push_back({t, p * (1.0 + 0.1 * std::exp(-near * near) * std::cos(5.0 * near))});
+    }
+    const LinkedCurve rough = curve.with_splice(whole);
+    CHECK(farthest_apart(rough.bezier(), rough.wavelet()) <= rough.epsilon());
+    CHECK(farthest_apart(rough.bezier(), rough.arcwise()) <= rough.epsilon());
+  }
+}
+
 TEST_CASE("all forms stay within epsilon of each other over many splices", "[linked]") {
   std::mt19937 random(7);
   const auto uniform = [&](double low, double high) {

@@ -197,7 +197,10 @@ class Session {
     return {"control point added", IntervalSet({{wrapped(at - 1e-9), wrapped(at + 1e-9)}})};
   }
   Step drop_point() {
-    curve_ = remove_control_point(curve_, some_point(forms[chance_.below(3)]));
+    const ControlPoint control = some_point(forms[chance_.below(3)]);
+    // The node at t = 0 stays, and so do the last two.
+    const bool is_held = control.form == FormKind::Bezier && (control.index == 0 || curve_.bezier().size() <= 2);
+    if (!is_held) curve_ = remove_control_point(curve_, control);
     return {"control point removed"};
   }
 
@@ -368,9 +371,9 @@ class Examination {
       const double is = signed_area(after.bezier().contour());
       const double error = std::abs(is - area->area) / std::abs(area->area);
       // What could not be met is reported by the change that could not; until another gives it back it stays.
-      const double known = std::max({area_met, after.report().area_error * (1.0 + area_met), area_known_});
+      const double known = std::max(area_met + after.report().area_error, area_known_);
       if (error > known) fault("the area is off by ", error, ", its report says ", after.report().area_error);
-      area_known_ = error > area_met ? error * (1.0 + area_met) : 0.0;
+      area_known_ = error > area_met ? error + area_met : 0.0;
     }
   }
   void forms(const LinkedCurve& after) {
