@@ -299,9 +299,19 @@ Interval LinkedSpline::support(int index) const { return {wrapped(knot(index)), 
 
 LinkedSpline LinkedSpline::with_window(int first, int count, const std::vector<double>& knots,
                                        const std::vector<Point>& points) const {
+  // Unwrapping rounds; a knot that was there stays where it was, or those of a corner would get out of order.
+  const auto settled = [&](double t) {
+    const int k = knot_at(t);
+    for (const int near : {k, k + 1}) {
+      const double old = wrapped(knot(near));
+      const double turn = std::floor(t);
+      if (std::abs(old - (t - turn)) < same_t) return turn + old;
+    }
+    return t;
+  };
   std::vector<Entry> entries;
   const double turn = std::floor(knots.front());
-  for (std::size_t i = 0; i < points.size(); ++i) entries.push_back({knots[i] - turn, points[i]});
+  for (std::size_t i = 0; i < points.size(); ++i) entries.push_back({settled(knots[i] - turn), points[i]});
   const int n = size();
   const int in = ((first % n) + n) % n;
   LinkedSpline result(degree_);
@@ -319,7 +329,7 @@ LinkedSpline LinkedSpline::with_window(int first, int count, const std::vector<d
     if (entry.t < 1.0) {
       tail.push_back(entry);
     } else {
-      head.push_back({entry.t - 1.0, entry.p});
+      head.push_back({settled(entry.t - 1.0), entry.p});
     }
   }
   const int over = std::max(0, in + count - n);

@@ -222,6 +222,24 @@ TEST_CASE("all forms stay within epsilon of each other over many splices", "[lin
   }
 }
 
+TEST_CASE("a splice that ends at a corner beside a knot by rounding leaves the knots ascending", "[linked]") {
+  const LinkedSpline drawn = LinkedCurve(letter()).spline();
+  std::mt19937 engine(11);
+  for (int k = 0; k < 200; ++k) {
+    const double start = static_cast<double>(engine()) / 4294967296.0;
+    const double end = static_cast<double>(engine()) / 4294967296.0;
+    if (length({start, end}) < 0.1 || length({start, end}) > 0.9) continue;
+    const LinkedSpline spline = drawn.insert_knot(start).insert_knot(end);
+    SampledSplice samples = spline.sample({start, std::nextafter(end, 0.0)}, 0.1);
+    samples.pins = {{.t = samples.samples.back().t, .is_corner = true}};
+    const auto spliced = std::dynamic_pointer_cast<const LinkedSpline>(spline.splice(samples, 0.1));
+    REQUIRE(spliced);
+    bool ascends = true;
+    for (int i = 0; i + 1 < spliced->size(); ++i) ascends = ascends && spliced->knot(i) <= spliced->knot(i + 1);
+    CHECK(ascends);
+  }
+}
+
 TEST_CASE("what is frozen keeps its bits in every form, and the change meets it smoothly", "[linked]") {
   const BezierContour contour = letter();
   const Interval frozen{0.3, 0.37};
