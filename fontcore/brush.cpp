@@ -797,15 +797,25 @@ LinkedCurve thaw_marked(const LinkedCurve& curve) { return curve.without_frozen(
 
 // --- Smoothing, detail ---
 
+namespace {
+
+// Corners and held places of the curve within a run, every one a sample of it from now on.
+std::vector<double> sampled_holds(const LinkedCurve& curve, Run& run) {
+  std::vector<double> places = curve.corners();
+  for (const double t : held_places(curve)) places.push_back(t);
+  std::vector<double> holds = within(places, run);
+  add_samples(run, holds);
+  return holds;
+}
+
+}  // namespace
+
 LinkedCurve smooth_marked(const LinkedCurve& curve, double scale) {
   const LinkedPolyline polyline = curve.polyline();
   std::vector<SampledSplice> splices;
   for (const Interval& interval : marked_parts(curve)) {
     Run run = run_of(polyline, interval);
-    std::vector<double> places = curve.corners();
-    for (const double t : held_places(curve)) places.push_back(t);
-    const std::vector<double> held = within(places, run);
-    add_samples(run, held);
+    const std::vector<double> held = sampled_holds(curve, run);
     splices.push_back(splice_of(smoothed(run, scale, held)));
     add_pins(curve, splices.back());
   }
@@ -828,10 +838,7 @@ LinkedCurve paste_detail(const LinkedCurve& curve, const DetailLibrary& library,
   std::vector<SampledSplice> splices;
   for (const Interval& interval : marked_parts(curve)) {
     Run run = run_of(polyline, interval);
-    std::vector<double> places = curve.corners();
-    for (const double t : held_places(curve)) places.push_back(t);
-    std::vector<double> ends = within(places, run);
-    add_samples(run, ends);
+    std::vector<double> ends = sampled_holds(curve, run);
     ends.push_back(run.back().t);
     auto from = run.begin();
     for (const double end : ends) {
