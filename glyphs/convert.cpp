@@ -3,14 +3,15 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
-#include "fontcore/compact.h"
 #include "fontcore/crossing.h"
 #include "fontcore/degree.h"
 #include "fontcore/measure.h"
 #include "glyphs/error.h"
 #include "glyphs/sfnt_cff.h"
 #include "glyphs/sfnt_writer.h"
+#include "glyphs/shared_fits.h"
 #include "glyphs/xml.h"
 
 namespace glyphs {
@@ -22,6 +23,28 @@ using fontcore::CurveKind;
 using fontcore::PointKind;
 using fontcore::text;
 using Contours = std::vector<BezierContour>;
+
+/// Largest distance of the same places of two contours of as many segments: never less than between the curves.
+double same_places(const BezierContour& a, const BezierContour& b) {
+  constexpr int samples = 16;  // of a segment
+  double largest = 0.0;
+  for (int s = 0; s < a.segment_count(); ++s) {
+    const fontcore::Bezier one = a.segment(s);
+    const fontcore::Bezier other = b.segment(s);
+    for (int k = 0; k < samples; ++k) {
+      const double u = static_cast<double>(k) / samples;
+      largest = std::max(largest, (evaluate(one, u) - evaluate(other, u)).norm());
+    }
+  }
+  return largest;
+}
+
+double distance(const BezierContour& before, const BezierContour& after) {
+  constexpr double accuracy = 0.005;  // font units
+  const bool has_same_count = before.segment_count() == after.segment_count();
+  const double same = has_same_count ? same_places(before, after) : std::numeric_limits<double>::infinity();
+  return same <= accuracy ? same : std::min(same, farthest(before, after, accuracy).distance);
+}
 
 /// Outlines of one font as curves of one kind.
 class OutlineConverter {
@@ -36,28 +59,37 @@ class OutlineConverter {
     compact_.coordinates = is_whole_ ? fontcore::Coordinates::Whole : fontcore::Coordinates::Any;
   }
 
+  struct Converted {
+    Contours contours;
+    double deviation = 0.0;  // of the contours from those they stand for
+  };
+
   /// Still in their own direction.
-  Contours convert(const Contours& before) const {
+  Converted convert(const Contours& before) {
     if (tolerance_ == 0.0) return one_by_one(before);
     try {
-      Contours after;
-      fontcore::CompactOptions options = compact_;
+      Converted after;
+      long spent = 0;
       for (const BezierContour& contour : before) {
-        fontcore::CompactFit fit = fit_compact(contour, options);
-        options.most_work = std::max(options.most_work - fit.work, 0L);  // of the whole glyph
-        after.push_back(fit.why.empty() && is_of_kind(fit.contour) ? std::move(fit.contour) : one_by_one(contour));
+        fontcore::CompactFit fit = fits_.fit(contour, compact_, spent);
+        const bool is_fitted = fit.why.empty() && is_of_kind(fit.contour);
+        if (is_fitted) {
+          add(after, contour, std::move(fit.contour), fit.deviation);
+        } else {
+          add(after, contour, one_by_one(contour));
+        }
       }
-      if (added_crossings(find_crossings(before), find_crossings(after)) == 0) return after;
+      if (added_crossings(find_crossings(before), find_crossings(after.contours)) == 0) return after;
     } catch (const fontcore::WorkLimitExceeded&) {  // outlines that lie on themselves over and over
     }
     return one_by_one(before);
   }
 
   /// What is of the other kind, or at fractions, one by one; the rest as it is.
-  Contours adopt(const Contours& given) const {
-    Contours result;
+  Converted adopt(const Contours& given) const {
+    Converted result;
     for (const BezierContour& contour : given) {
-      if (contour.point_count() >= 2) result.push_back(is_of_kind(contour) ? contour : one_by_one(contour));
+      if (contour.point_count() >= 2) add(result, contour, is_of_kind(contour) ? contour : one_by_one(contour));
     }
     return result;
   }
@@ -80,9 +112,15 @@ class OutlineConverter {
     const BezierContour raised = raised_to_cubics(contour);
     return is_whole_ ? raised.with_points((raised.points().array() + 0.5).floor()) : raised;
   }
-  Contours one_by_one(const Contours& contours) const {
-    Contours result;
-    for (const BezierContour& contour : contours) result.push_back(one_by_one(contour));
+  /// As the file has it, and how far off it is if that is not known.
+  void add(Converted& to, const BezierContour& before, BezierContour after, std::optional<double> known = {}) const {
+    if (curve_ == CurveKind::Cubic) after = sfnt::snap({raised_to_cubics(after)}).front();  // it begins with a node
+    to.deviation = std::max(to.deviation, known && is_whole_ ? *known : distance(before, after));
+    to.contours.push_back(std::move(after));
+  }
+  Converted one_by_one(const Contours& contours) const {
+    Converted result;
+    for (const BezierContour& contour : contours) add(result, contour, one_by_one(contour));
     return result;
   }
 
@@ -90,34 +128,8 @@ class OutlineConverter {
   CurveKind curve_;
   bool is_whole_;
   fontcore::CompactOptions compact_;
+  SharedFits fits_;
 };
-
-/// Largest distance of the same places of two contours of as many segments: never less than between the curves.
-double same_places(const BezierContour& a, const BezierContour& b) {
-  constexpr int samples = 16;  // of a segment
-  double largest = 0.0;
-  for (int s = 0; s < a.segment_count(); ++s) {
-    const fontcore::Bezier one = a.segment(s);
-    const fontcore::Bezier other = b.segment(s);
-    for (int k = 0; k < samples; ++k) {
-      const double u = static_cast<double>(k) / samples;
-      largest = std::max(largest, (evaluate(one, u) - evaluate(other, u)).norm());
-    }
-  }
-  return largest;
-}
-
-double deviation(const Contours& before, const Contours& after) {
-  constexpr double accuracy = 0.005;  // font units
-  double largest = 0.0;
-  for (std::size_t c = 0; c < before.size(); ++c) {
-    const bool has_same_count = before[c].segment_count() == after[c].segment_count();
-    const double same = has_same_count ? same_places(before[c], after[c]) : std::numeric_limits<double>::infinity();
-    largest =
-        std::max(largest, same <= accuracy ? same : std::min(same, farthest(before[c], after[c], accuracy).distance));
-  }
-  return largest;
-}
 
 // ---- one glyph as a picture that drawing programs edit
 
@@ -164,7 +176,7 @@ ConvertedFont convert_outlines(const Font& font, const ConvertOptions& options, 
   std::vector<Contours> outlines(count);
   std::vector<std::string> troubles(count);
   std::vector<int> before_counts(count);
-  const OutlineConverter converter(font, options);
+  OutlineConverter converter(font, options);
   const std::vector<int> first = first_alike(font);
   const auto is_converted_once = [&](int id) {  // for all glyphs that draw the same
     const int as = first[static_cast<std::size_t>(id)];
@@ -181,12 +193,8 @@ ConvertedFont convert_outlines(const Font& font, const ConvertOptions& options, 
     Contours before = compose(font, id);
     std::erase_if(before, [](const BezierContour& contour) { return contour.point_count() < 2; });
     before_counts[k] = segment_count(before);
-    Contours after = given == instead.end() ? converter.convert(before) : converter.adopt(given->second);
-    if (to_cff) {  // a charstring begins with a node
-      for (BezierContour& contour : after) contour = raised_to_cubics(contour);
-      after = sfnt::snap(after);
-    }
-    converted.deviation[k] = deviation(before, after);
+    auto [after, deviation] = given == instead.end() ? converter.convert(before) : converter.adopt(given->second);
+    converted.deviation[k] = deviation;
     for (BezierContour& contour : after) contour = reverse(contour);
     troubles[k] = to_cff ? why_no_charstring(after) : why_no_truetype(after);
     if (troubles[k].empty()) outlines[k] = std::move(after);

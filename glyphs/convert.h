@@ -23,7 +23,8 @@ struct ConvertedFont {
   WrittenFont font;
   std::vector<int> flattened;     ///< composites that are outlines now; sorted
   std::vector<int> emptied;       ///< glyphs in trouble, which have no outline now; sorted
-  std::vector<double> deviation;  ///< by glyph id: distance of the outlines, both ways, font units; may be empty
+  std::vector<double> deviation;  ///< by glyph id: distance of the outlines, or of those taken instead, both ways, font
+                                  ///< units; may be empty
   int worst = -1;                 ///< glyph with the largest
   int segments_before = 0;        ///< of all glyphs, flattened
   int segments_after = 0;

@@ -8,6 +8,7 @@
 #include "fontcore/measure.h"
 #include "glyphs/convert.h"
 #include "glyphs/error.h"
+#include "glyphs/shared_fits.h"
 
 namespace glyphs {
 
@@ -61,26 +62,12 @@ std::vector<int> origins_of(const BezierContour& before, const BezierContour& af
   return origins;
 }
 
-}  // namespace
-
-int SimplifyResult::changed() const {
-  return static_cast<int>(std::ranges::count_if(glyphs, &SimplifiedGlyph::changed));
-}
-
-int SimplifyResult::refused() const {
-  return static_cast<int>(std::ranges::count_if(glyphs, [](const SimplifiedGlyph& g) { return !g.refused.empty(); }));
-}
-
-FileKind simplified_kind(const Font& font, SimplifiedCurve curve) {
-  const FileKind own = kind_of(font);
-  if (becomes_cff(font, curve)) return FileKind::OpenType;
-  if (curve == SimplifiedCurve::Quadratic && own == FileKind::OpenType) {
-    throw RequestError(font.path + ": cubics do not become quadratics in a font file in this version");
-  }
-  return own;
-}
-
-Contours simplify_glyph(const Font& font, int id, const SimplifyOptions& options, SimplifiedGlyph& report) {
+/// A glyph's contours in the fewest segments found, by `fit_compact`; the input's own where nothing shorter was found.
+///
+/// A glyph whose simplified outline crosses itself where it did not is tried with less tolerance, down to an eighth;
+/// then it stays as it was.
+Contours simplify_glyph(const Font& font, int id, const SimplifyOptions& options, SharedFits& fits,
+                        SimplifiedGlyph& report) {
   const Glyph& glyph = font.glyphs.at(static_cast<std::size_t>(id));
   report.glyph = id;
   report.name = glyph.name;
@@ -101,7 +88,7 @@ Contours simplify_glyph(const Font& font, int id, const SimplifyOptions& options
     int added = 0;
     for (double share = 1.0; share >= least_share; share *= 0.5) {
       Contours simplified;
-      long work = 0;  // all contours together have what one may take
+      long spent = 0;
       SimplifiedGlyph found = report;
       found.tolerance = share * options.tolerance * font.units_per_em / 1000.0;
       for (std::size_t c = 0; c < outline.size(); ++c) {
@@ -118,9 +105,7 @@ Contours simplify_glyph(const Font& font, int id, const SimplifyOptions& options
           simplified.push_back(own);
           continue;
         }
-        compact.most_work = std::max(0L, compact.most_work - work);
-        CompactFit fit = fit_compact(own, compact);
-        work += fit.work;
+        CompactFit fit = fits.fit(own, compact, spent);
         if (!fit.why.empty()) found.notes.push_back(text("contour ", c, ": ", fit.why));
         if (fit.deviation > found.deviation) {
           found.deviation = fit.deviation;
@@ -158,6 +143,25 @@ Contours simplify_glyph(const Font& font, int id, const SimplifyOptions& options
   return outline;
 }
 
+}  // namespace
+
+int SimplifyResult::changed() const {
+  return static_cast<int>(std::ranges::count_if(glyphs, &SimplifiedGlyph::changed));
+}
+
+int SimplifyResult::refused() const {
+  return static_cast<int>(std::ranges::count_if(glyphs, [](const SimplifiedGlyph& g) { return !g.refused.empty(); }));
+}
+
+FileKind simplified_kind(const Font& font, SimplifiedCurve curve) {
+  const FileKind own = kind_of(font);
+  if (becomes_cff(font, curve)) return FileKind::OpenType;
+  if (curve == SimplifiedCurve::Quadratic && own == FileKind::OpenType) {
+    throw RequestError(font.path + ": cubics do not become quadratics in a font file in this version");
+  }
+  return own;
+}
+
 SimplifyResult simplify(const Font& font, const SimplifyOptions& options) {
   simplified_kind(font, options.curve);  // what cannot be written is refused before it is worked on
   if (!(options.tolerance >= 0.0) || !std::isfinite(options.tolerance))
@@ -173,9 +177,10 @@ SimplifyResult simplify(const Font& font, const SimplifyOptions& options) {
   std::vector<Contours> outlines(selected.size());
   SimplifyResult result;
   result.glyphs.resize(selected.size());
+  SharedFits fits;
   run_jobs(static_cast<int>(selected.size()), options.jobs, [&](int i) {
     const auto k = static_cast<std::size_t>(i);
-    outlines[k] = simplify_glyph(font, selected[k], options, result.glyphs[k]);
+    outlines[k] = simplify_glyph(font, selected[k], options, fits, result.glyphs[k]);
     if (!result.glyphs[k].changed) outlines[k].clear();
   });
   EditedGlyphs edited;

@@ -41,20 +41,13 @@ struct SimplifiedGlyph {
   std::vector<std::string> notes;    ///< contours that stay as they were though something was to be done, and why
 };
 
-/// One glyph in fewer segments.
+/// A font in fewer segments.
 struct SimplifyResult {
   WrittenFont font;
   std::vector<SimplifiedGlyph> glyphs;  ///< by id
   int changed() const;
   int refused() const;
 };
-
-/// A glyph's contours in the fewest segments found, by `fit_compact`; the input's own where nothing shorter was found.
-///
-/// A glyph whose simplified outline crosses itself where it did not is tried with less tolerance, down to an eighth;
-/// then it stays as it was.
-std::vector<fontcore::BezierContour> simplify_glyph(const Font& font, int glyph, const SimplifyOptions& options,
-                                                    SimplifiedGlyph& report);
 
 /// The kind of file that a simplified font is: that of its outlines, OpenType if TrueType outlines become cubics.
 ///
