@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
+#include <cstdint>
+#include <mutex>
 #include <optional>
 
 #include "fontcore/error.h"
@@ -345,22 +348,22 @@ struct FitBasis {
   }
 };
 
-// Arcs of few spans are fitted by the thousand: what is the same for all of them is made once.
-constexpr std::array<Index, 7> common_spans = {1, 2, 4, 8, 16, 32, 64};
+// Arcs are fitted by the thousand, their spans a power of two: what is the same for all of them is made once.
 const FitBasis* common_basis(Scheme scheme, Index spans) {
-  const auto make = [](Scheme of) {
-    std::vector<FitBasis> all;
-    for (const Index count : common_spans) {
-      if (FitBasis::size(of, count) >= fewest(of)) all.emplace_back(of, count);
-    }
-    return all;
+  constexpr std::size_t sizes = 11;
+  struct Common {
+    std::array<std::once_flag, sizes> once;
+    std::array<std::optional<FitBasis>, sizes> basis;
   };
-  static const std::vector<FitBasis> held = make(Scheme::HeldCubic);
-  static const std::vector<FitBasis> closed = make(Scheme::Orthogonal);
+  static Common held;
+  static Common closed;
   if (scheme != Scheme::HeldCubic && scheme != Scheme::Orthogonal) return nullptr;
-  const std::vector<FitBasis>& of = scheme == Scheme::HeldCubic ? held : closed;
-  const auto known = std::ranges::find(of, spans, &FitBasis::spans);
-  return known == of.end() ? nullptr : &*known;
+  const auto count = static_cast<std::uint64_t>(spans);
+  const auto k = static_cast<std::size_t>(std::countr_zero(count));
+  if (!std::has_single_bit(count) || k >= sizes) return nullptr;
+  Common& of = scheme == Scheme::HeldCubic ? held : closed;
+  std::call_once(of.once[k], [&] { of.basis[k].emplace(scheme, spans); });
+  return &*of.basis[k];
 }
 
 // Least squares over arc length by `spans` spans; an open arc has its ends on the outline.

@@ -101,7 +101,8 @@ std::vector<double> turning_angles(const BezierContour& contour);
 
 /// Arc length along one segment as a table with exact ends: s(u) and its inverse.
 ///
-/// Exact   s at the table's nodes as `length`; between them, and the inverse by Newton, to 1e-10 of the length.
+/// Exact   s at the table's nodes as `length`; between them, and the inverse by Newton, to 1e-10 of the length, 1e-8
+///         beside a cusp.
 class ArcLength {
  public:
   explicit ArcLength(const Bezier& bezier);
@@ -113,8 +114,9 @@ class ArcLength {
   static constexpr std::size_t most_intervals = 16;
 
   Bezier bezier_;
-  std::size_t intervals_ = 1;  // of u, of equal size; a line is one
-  std::array<double, most_intervals + 1> s_{};
+  std::size_t intervals_ = 1;                       // of u, of equal size; a line is one
+  std::array<double, most_intervals + 1> s_{};      // at their ends
+  std::array<double, most_intervals + 1> speed_{};  // ds/du there
 };
 
 /// Largest distance of a point of one closed polyline from the other, in both directions (Hausdorff), point to segment.

@@ -87,6 +87,24 @@ TEST_CASE("arc length and its inverse undo each other", "[measure]") {
   }
 }
 
+TEST_CASE("the place of an arc length is as near as promised on any curve", "[measure]") {
+  for (unsigned seed = 0; seed < 200; ++seed) {
+    const Points control = shapes::random_points(4, seed);
+    Bezier bezier{{Point(control.row(0)), Point(control.row(1)), Point(control.row(2)), Point(control.row(3))},
+                  seed % 3 == 0 ? 2 : 3};
+    if (seed % 5 == 1) bezier.p[1] = bezier.p[0];                                       // stands still at its start
+    if (seed % 5 == 2) bezier.p[2] = bezier.p[0] + (bezier.p[1] - bezier.p[3]);         // near a cusp
+    if (seed % 5 == 3) bezier.p[1] = bezier.p[0] + 1e-3 * (bezier.p[2] - bezier.p[0]);  // starts slowly
+    const double bound = seed % 5 == 2 ? 1e-8 : 1e-10;
+    const ArcLength arc(bezier);
+    for (int k = 0; k <= 97; ++k) {
+      const double s = arc.length() * k / 97;
+      INFO("seed " << seed << " k " << k);
+      CHECK(std::abs(arc.at(arc.inverse(s)) - s) <= bound * arc.length());
+    }
+  }
+}
+
 TEST_CASE("the box of a curve touches its extrema, the box of its points may be larger", "[measure]") {
   const Box tight = tight_box(shapes::circle(400));
   CHECK((tight.low - Point(-400, -400)).norm() < 1e-9);
