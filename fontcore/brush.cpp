@@ -19,10 +19,6 @@ constexpr double chord_share = 1.0 / 16.0;   // of epsilon: what bent ends may b
 constexpr double least_density = 1.0 / 8.0;  // share of t that a stretch has, against its share of length
 constexpr int places_of_length = 64;         // that a curve's length is estimated by
 
-double angle_between(const Point& a, const Point& b) {
-  return std::abs(std::atan2(a.x() * b.y() - a.y() * b.x(), a.dot(b)));
-}
-
 Points points_of(const Run& run) {
   Points points(static_cast<Index>(run.size()), 2);
   for (std::size_t i = 0; i < run.size(); ++i) points.row(static_cast<Index>(i)) = run[i].p;
@@ -522,7 +518,7 @@ LinkedCurve sketch(const std::vector<Points>& strokes, const SketchOptions& opti
   } else {
     const Point start = start_direction(line);
     const Point end = end_direction(line);
-    const bool is_corner = angle_between(end, start) > options.join_angle;
+    const bool is_corner = std::abs(angle(end, start)) > options.join_angle;
     const Tangent meeting{0.5 * (first + last), is_corner ? Point::Zero() : Point((start + end).normalized())};
     drawn.run = with_ends(drawn.run, meeting, meeting, blend, chord_share * linked.epsilon);
     drawn.run.pop_back();
@@ -577,7 +573,7 @@ LinkedCurve sketch_over(const LinkedCurve& curve, const std::vector<Points>& str
   DrawnRun drawn = drawn_run(stroke, replaced.from, replaced.from + length(replaced));
   const auto join = [&](double t, Side side, const Point& direction) {
     Tangent tangent{bezier.evaluate(t), bezier.tangent(t, side)};
-    if (angle_between(tangent.direction, direction) > options.join_angle) tangent.direction.setZero();
+    if (std::abs(angle(tangent.direction, direction)) > options.join_angle) tangent.direction.setZero();
     return tangent;
   };
   const Tangent start = join(replaced.from, Side::Left, start_direction(stroke.points));

@@ -2,7 +2,6 @@
 
 // Private to `fit_compact`: a stretch with what is asked of it, and the search for the fewest curves that stand for it.
 
-#include <cmath>
 #include <cstddef>
 #include <limits>
 #include <numbers>
@@ -19,8 +18,6 @@ constexpr double degrees = std::numbers::pi / 180.0;
 constexpr double never = std::numeric_limits<double>::infinity();
 constexpr double polyline_sagitta = 0.006;  // share of the tolerance
 
-inline double cross(const Point& a, const Point& b) { return a.x() * b.y() - a.y() * b.x(); }
-inline double angle(const Point& a, const Point& b) { return std::atan2(cross(a, b), a.dot(b)); }
 inline std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 /// Unit tangent at any place of a curve, where its derivative vanishes too.

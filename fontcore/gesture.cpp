@@ -21,9 +21,6 @@ using Eigen::Index;
 
 constexpr double on_boundary = 1e-12;  // of a tip's extent: what rounding leaves of a point put on it
 
-double cross(const Point& a, const Point& b) { return a.x() * b.y() - a.y() * b.x(); }
-Point left_of(const Point& direction) { return {-direction.y(), direction.x()}; }
-
 std::size_t at(Index index) { return static_cast<std::size_t>(index); }
 
 double distance_to_edge(const Point& x, const Point& a, const Point& b) {
@@ -154,7 +151,7 @@ Tip::Tip(TipShape shape) : shape_(std::move(shape)) {
                           for (std::size_t i = 0; i < n; ++i) {
                             const Point& a = polygon.corners[i];
                             const Point& b = polygon.corners[(i + 1) % n];
-                            turned += std::atan2(cross(a, b), a.dot(b));
+                            turned += angle(a, b);
                           }
                           if (turned > 3.0 * std::numbers::pi) {
                             throw InvalidInput("Tip: a polygon that runs round its place more than once");
@@ -490,7 +487,7 @@ double turn_at(const Points& line, const Eigen::VectorXd& lengths, double s, dou
   const Point in = here - point_along(line, lengths, s - reach);
   const Point out = point_along(line, lengths, s + reach) - here;
   if (in.isZero(0.0) || out.isZero(0.0)) return 0.0;
-  return std::abs(std::atan2(cross(in, out), in.dot(out)));
+  return std::abs(angle(in, out));
 }
 
 std::vector<int> corners_of(const Points& line, double angle, double reach) {

@@ -495,8 +495,7 @@ LinkedCurve::LinkedCurve(const Polyline& polyline, const LinkedOptions& options)
   for (Eigen::Index i = 0; i < n; ++i) {
     const Point in = (polyline.points.row(i) - polyline.points.row((i + n - 1) % n)).transpose();
     const Point out = (polyline.points.row((i + 1) % n) - polyline.points.row(i)).transpose();
-    const double turn = std::atan2(in.x() * out.y() - in.y() * out.x(), in.dot(out));
-    if (std::abs(turn) > options.corner_angle) corners.push_back(polyline.t[static_cast<std::size_t>(i)]);
+    if (std::abs(angle(in, out)) > options.corner_angle) corners.push_back(polyline.t[static_cast<std::size_t>(i)]);
   }
   rules_ = std::make_shared<const Rules>(Rules{options, {}, {}, std::move(corners)});
   slots_.push_back({std::make_shared<const LinkedBezier>(), everything()});

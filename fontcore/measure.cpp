@@ -10,8 +10,6 @@ namespace fontcore {
 
 namespace {
 
-double cross(const Point& a, const Point& b) { return a.x() * b.y() - a.y() * b.x(); }
-
 Bezier shifted(Bezier bezier, const Point& origin) {
   for (auto& p : bezier.p) p -= origin;
   return bezier;
@@ -274,7 +272,7 @@ std::vector<double> turning_angles(const BezierContour& contour) {
     const int before = solid[(k + solid.size() - 1) % solid.size()];
     const Point a = end_tangent(contour.segment(before));
     const Point b = start_tangent(contour.segment(solid[k]));
-    angles[static_cast<std::size_t>(solid[k])] = std::atan2(cross(a, b), a.dot(b));
+    angles[static_cast<std::size_t>(solid[k])] = angle(a, b);
   }
   return angles;
 }
