@@ -93,12 +93,7 @@ bool has_extremum_within(const Bezier& b) {
 
 // Whether handles reach far beyond their curve: an editor's nuisance.
 bool has_far_handle(const Bezier& b) {
-  Box box;
-  box.add(b.start());
-  box.add(b.end());
-  for (int axis = 0; axis < 2; ++axis) {
-    for (const double u : extrema(b, axis)) box.add(evaluate(b, u));
-  }
+  const Box box = tight_box(b);
   const Point margin = Point::Constant(handle_margin * (box.high - box.low).maxCoeff());
   for (int k = 1; k < b.degree; ++k) {
     const Point& p = b.p[at(k)];

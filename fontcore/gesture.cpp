@@ -963,20 +963,12 @@ bool is_apart(const Box& box, const Point& a, const Point& b) {
          std::max(a.y(), b.y()) < box.low.y() || std::min(a.y(), b.y()) > box.high.y();
 }
 
-Box box_of(const Points& points) {
-  Box box;
-  for (Index i = 0; i < points.rows(); ++i) box.add(Point(points.row(i)));
-  return box;
-}
-
 }  // namespace
 
 IntervalSet painted(const Run& run, const Points& path, double radius) {
   if (!(radius > 0.0 && std::isfinite(radius))) throw InvalidInput(text("painted: a radius of ", radius));
   if (!path.allFinite()) throw InvalidInput("painted: a point is not finite");
-  Box box = box_of(path);
-  box.low.array() -= radius;
-  box.high.array() += radius;
+  const Box box = box_around(path, radius);
   IntervalSet found;
   for (std::size_t i = 0; i + 1 < run.size(); ++i) {
     const Sample& a = run[i];
@@ -993,7 +985,7 @@ IntervalSet painted(const Run& run, const Points& path, double radius) {
 IntervalSet inside_lasso(const Run& run, const Points& lasso) {
   if (lasso.rows() < 3) throw InvalidInput(text("inside_lasso: a lasso of ", lasso.rows(), " points"));
   if (!lasso.allFinite()) throw InvalidInput("inside_lasso: a point is not finite");
-  const Box box = box_of(lasso);
+  const Box box = box_around(lasso);
   IntervalSet found;
   std::vector<double> shares;
   for (std::size_t i = 0; i + 1 < run.size(); ++i) {
@@ -1017,7 +1009,7 @@ IntervalSet inside_lasso(const Run& run, const Points& lasso) {
 
 std::vector<double> crossed(const Run& run, const Points& stroke) {
   if (!stroke.allFinite()) throw InvalidInput("crossed: a point is not finite");
-  const Box box = box_of(stroke);
+  const Box box = box_around(stroke);
   std::vector<double> found;
   for (std::size_t i = 0; i + 1 < run.size(); ++i) {
     const Sample& a = run[i];

@@ -845,16 +845,6 @@ void LinkedCurve::give_back_area(const LinkedCurve& before) {
 
 namespace {
 
-Box control_box(const Bezier& bezier) {
-  Box box;
-  for (int k = 0; k <= bezier.degree; ++k) box.add(bezier.p[static_cast<std::size_t>(k)]);
-  return box;
-}
-
-bool meet_boxes(const Box& a, const Box& b) {
-  return (a.low.array() <= b.high.array()).all() && (b.low.array() <= a.high.array()).all();
-}
-
 /// How often the curve meets itself where a box is, of pieces in or near the intervals.
 int meetings_near(const LinkedBezier& bezier, const std::vector<Interval>& intervals, const Box& box) {
   std::set<int> near;
@@ -863,7 +853,7 @@ int meetings_near(const LinkedBezier& bezier, const std::vector<Interval>& inter
   }
   for (const Interval& interval : bezier.near(box)) {
     for (const int index : bezier.pieces(interval)) {
-      if (meet_boxes(control_box(bezier.piece(index).bezier), box)) near.insert(index);
+      if (overlap(control_box(bezier.piece(index).bezier), box)) near.insert(index);
     }
   }
   // One contour of them all: from the end of one chain to the start of the next by way of places far outside, each in

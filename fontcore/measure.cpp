@@ -215,21 +215,55 @@ void Box::add(const Box& box) {
   high = high.cwiseMax(box.high);
 }
 
+bool overlap(const Box& a, const Box& b) {
+  return (a.low.array() <= b.high.array()).all() && (b.low.array() <= a.high.array()).all();
+}
+
+Box box_around(const Points& points, double margin) {
+  Box box;
+  for (Eigen::Index i = 0; i < points.rows(); ++i) box.add(Point(points.row(i)));
+  box.low.array() -= margin;
+  box.high.array() += margin;
+  return box;
+}
+
+Box control_box(const Bezier& bezier) {
+  Box box;
+  for (int k = 0; k <= bezier.degree; ++k) box.add(bezier.p[static_cast<std::size_t>(k)]);
+  return box;
+}
+
 Box control_box(const BezierContour& contour) {
   Box box;
   for (int i = 0; i < contour.point_count(); ++i) box.add(contour.point(i));
   return box;
 }
 
+Box control_box(const std::vector<BezierContour>& contours) {
+  Box box;
+  for (const BezierContour& contour : contours) box.add(control_box(contour));
+  return box;
+}
+
+Box tight_box(const Bezier& bezier) {
+  Box box;
+  box.add(bezier.start());
+  box.add(bezier.end());
+  for (int axis = 0; axis < 2; ++axis) {
+    for (const double u : extrema(bezier, axis)) box.add(evaluate(bezier, u));
+  }
+  return box;
+}
+
 Box tight_box(const BezierContour& contour) {
   Box box;
-  for (int s = 0; s < contour.segment_count(); ++s) {
-    const Bezier bezier = contour.segment(s);
-    box.add(bezier.start());
-    for (int axis = 0; axis < 2; ++axis) {
-      for (const double u : extrema(bezier, axis)) box.add(evaluate(bezier, u));
-    }
-  }
+  for (int s = 0; s < contour.segment_count(); ++s) box.add(tight_box(contour.segment(s)));
+  return box;
+}
+
+Box tight_box(const std::vector<BezierContour>& contours) {
+  Box box;
+  for (const BezierContour& contour : contours) box.add(tight_box(contour));
   return box;
 }
 

@@ -28,12 +28,6 @@ using fontcore::Box;
 using fontcore::Point;
 using Contours = std::vector<BezierContour>;
 
-Box box_of(const Contours& contours) {
-  Box box;
-  for (const BezierContour& contour : contours) box.add(tight_box(contour));
-  return box;
-}
-
 Contours placed(const Contours& contours, const Affine& placement) {
   Contours result;
   for (const BezierContour& contour : contours) result.push_back(transform(contour, placement));
@@ -62,8 +56,8 @@ OutlineError compare_outlines(const Contours& made, const Contours& drawn) {
   const Contours wished = counter_clockwise(drawn);
   const double own_area = measure_ink(own).area;
   const double wished_area = measure_ink(wished).area;
-  const Box a = box_of(own);
-  const Box b = box_of(wished);
+  const Box a = tight_box(own);
+  const Box b = tight_box(wished);
   const double left = b.low.x() - a.low.x();
   const double right = b.high.x() - a.high.x();
   constexpr double reach = 0.03;  // of the width
@@ -247,12 +241,12 @@ Bytes draw_weight_proof(const Font& before, const Font& made, const Font& drawn,
     cell.made = moved(compose(made, one.glyph), one.error.shift);
     cell.drawn = drawn_outline(drawn, one.drawn, made);
     const Contours old = compose(before, one.glyph);
-    const Box box = box_of(cell.made);
-    const Box old_box = box_of(old);
+    const Box box = tight_box(cell.made);
+    const Box old_box = tight_box(old);
     const double to_middle =
         old_box.is_empty() ? 0.0 : 0.5 * (box.low.x() + box.high.x() - old_box.low.x() - old_box.high.x());
     cell.before = moved(old, to_middle);
-    for (const Contours* contours : {&cell.made, &cell.drawn, &cell.before}) cell.box.add(box_of(*contours));
+    for (const Contours* contours : {&cell.made, &cell.drawn, &cell.before}) cell.box.add(tight_box(*contours));
     cell.label = name + "  " + percent("%.1f %%", one.error.difference) + percent("  area %+.1f %%", one.error.area);
     sum += one.error.difference;
     area += std::abs(one.error.area);
