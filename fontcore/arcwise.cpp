@@ -16,8 +16,6 @@ using Eigen::Index;
 constexpr int most_levels_beyond = 30;  // of the base: indices stay far from overflow
 
 Index floor_half(Index i) { return i >= 0 ? i / 2 : -((1 - i) / 2); }
-Index modulo(Index i, Index n) { return ((i % n) + n) % n; }
-
 // Fine rows first .. last of a wavelet, not taken modulo anything.
 struct Reach {
   Index first;
