@@ -533,13 +533,8 @@ LevelCurves level_curves(const Inked& inked, double scale, double units_per_em) 
     if (!has_inside(contour)) continue;
     const fontcore::ArcwiseCurve arcs(fontcore::OutlineArcs(contour), {.tolerance = model_tolerance * units_per_em});
     std::vector<Bezier>& curve = level.curves.emplace_back();
-    for (const fontcore::ArcwiseCurve::Arc& arc : arcs.arcs()) {
-      const double own = arc.level_of_scale(scale);
-      const fontcore::MultiresCurve shown =
-          decompose(arc.curve.scheme(), arc.at_level(own), static_cast<int>(std::ceil(own)));
-      for (const Bezier& piece : compress(shown, level_error / scale_of(inked)).pieces)
-        curve.push_back(moved(piece, inked.to_page));
-    }
+    for (const Bezier& piece : arcs.pieces(scale, level_error / scale_of(inked)))
+      curve.push_back(moved(piece, inked.to_page));
     const fontcore::Points ends = arcs.span_ends(scale);
     for (Eigen::Index i = 0; i < ends.rows(); ++i) level.dots.push_back(inked.to_page(ends.row(i).transpose()));
   }
