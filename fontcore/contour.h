@@ -127,6 +127,7 @@ class BezierContour {
 
 /// Whether two contours have the same kinds of points in the same order.
 bool has_same_structure(const BezierContour& a, const BezierContour& b);
+bool has_same_structure(const std::vector<BezierContour>& a, const std::vector<BezierContour>& b);
 
 /// Bit for bit the same points and kinds.
 bool operator==(const BezierContour& a, const BezierContour& b);

@@ -48,10 +48,6 @@ struct Attempt {
   std::vector<std::string> notes;
 };
 
-bool has_same_structure(const Contours& a, const Contours& b) {
-  return std::ranges::equal(a, b, [](const auto& x, const auto& y) { return fontcore::has_same_structure(x, y); });
-}
-
 // A seed of its own for every place (FNV-1a).
 std::uint64_t seed_of(std::uint64_t seed, const std::string& place) {
   std::uint64_t hash = 0xCBF29CE484222325U ^ seed;

@@ -53,10 +53,6 @@ std::string list_names(const Font& font, const std::vector<int>& glyphs) {
   return glyphs.size() > shown ? text(list, " and ", glyphs.size() - shown, " more") : list;
 }
 
-bool has_same_structure(const std::vector<BezierContour>& a, const std::vector<BezierContour>& b) {
-  return std::ranges::equal(a, b, {}, &BezierContour::kinds, &BezierContour::kinds);
-}
-
 /// Same structure; same points, implied nodes aside, which follow their handles.
 bool is_same_outline(const std::vector<BezierContour>& a, const std::vector<BezierContour>& b) {
   if (!has_same_structure(a, b)) return false;
