@@ -183,7 +183,7 @@ Outcome check(const Request& request) {
   if (overlaps > 0) summary += ", " + count(overlaps, "overlap");
   Outcome outcome;
   outcome.status = faulty > 0 ? 1 : 0;
-  outcome.text = request.json ? glyphs::crossings_json(font, found)
+  outcome.text = request.json ? glyphs::report_json(glyphs::crossings_report(font, found))
                               : lines + text(request.font, ": ", summary, " in ", faulty, " of ",
                                              count(found.size(), "glyph"), "\n");
   return outcome;
