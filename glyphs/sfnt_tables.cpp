@@ -252,6 +252,18 @@ std::vector<TableRecord> in_file_order(const Directory& directory) {
   return tables;
 }
 
+std::vector<unsigned char> build_loca(const std::vector<std::uint64_t>& offsets, bool is_long) {
+  std::vector<unsigned char> loca(offsets.size() * (is_long ? 4 : 2));
+  for (std::size_t i = 0; i < offsets.size(); ++i) {
+    if (is_long) {
+      put_u32(loca, 4 * i, static_cast<std::uint32_t>(offsets[i]));
+    } else {
+      put_u16(loca, 2 * i, static_cast<int>(offsets[i] / 2));
+    }
+  }
+  return loca;
+}
+
 std::vector<unsigned char> encode(const SimpleGlyph& glyph, const Box& box, View instructions) {
   enum : unsigned { on = 1, short_x = 2, short_y = 4, repeat = 8, same_x = 16, same_y = 32, overlap = 64 };
   std::vector<unsigned char> bytes;

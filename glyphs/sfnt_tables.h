@@ -131,6 +131,10 @@ struct GlyphData {
   }
 };
 
+constexpr std::uint64_t short_offsets_reach = 2 * 0xFFFF;  ///< bytes of `glyf`, where `loca` has 16 bits
+/// `loca` of these offsets, one more than glyphs; even ones unless it is long.
+std::vector<unsigned char> build_loca(const std::vector<std::uint64_t>& offsets, bool is_long);
+
 /// What every other table is read by; checked against each other.
 struct Basics {
   int glyph_count = 0;

@@ -36,8 +36,7 @@ using sfnt::Tag;
 using sfnt::tag;
 using sfnt::View;
 
-constexpr Eigen::Index most_drawn = 32767;         // FreeType counts points in 16 bits
-constexpr std::uint64_t short_limit = 2 * 0xFFFF;  // what offsets of two bytes reach
+constexpr Eigen::Index most_drawn = 32767;  // FreeType counts points in 16 bits
 constexpr std::size_t most_points = 65535;  // of a simple glyph: the last one's number has 16 bits, maxp's count too
 constexpr int int16_min = std::numeric_limits<std::int16_t>::min();
 constexpr int int16_max = std::numeric_limits<std::int16_t>::max();
@@ -846,20 +845,13 @@ class Writer {
     if (glyf.size() > max_font_size) fail(text("table glyf: more than ", max_font_size, " bytes"));
     if (glyf.empty()) glyf.push_back(0);  // a table without bytes is refused
     follow_new_boxes(std::move(boxes));
-    put_offsets(offsets, glyf.size() > short_limit);
+    put_offsets(offsets, glyf.size() > sfnt::short_offsets_reach);
     rebuilt_[tag("glyf")] = std::move(glyf);
     name_in_post();
   }
 
   void put_offsets(const std::vector<std::uint64_t>& offsets, bool is_long) {
-    Bytes& loca = rebuilt_[tag("loca")] = Bytes(offsets.size() * (is_long ? 4 : 2));
-    for (std::size_t i = 0; i < offsets.size(); ++i) {
-      if (is_long) {
-        put_u32(loca, 4 * i, static_cast<std::uint32_t>(offsets[i]));
-      } else {
-        put_u16(loca, 2 * i, static_cast<int>(offsets[i] / 2));
-      }
-    }
+    rebuilt_[tag("loca")] = sfnt::build_loca(offsets, is_long);
     put_u16(rebuilt_[tag("head")], 50, is_long ? 1 : 0);
   }
 
@@ -1002,7 +994,7 @@ class Writer {
     const View behind = is_whole ? old.glyf.subspan(old.offset(basics_.glyph_count)) : View(rest);
     glyf.insert(glyf.end(), behind.begin(), behind.end());
     if (glyf.empty()) glyf.push_back(0);  // a table without bytes is refused
-    const bool is_long = old.has_long_offsets || end > short_limit;
+    const bool is_long = old.has_long_offsets || end > sfnt::short_offsets_reach;
     if (glyf.size() > max_font_size) fail(text("table glyf: more than ", max_font_size, " bytes"));
     put_offsets(offsets, is_long);
     if (is_long == old.has_long_offsets) {  // entries beyond the last glyph's

@@ -1203,16 +1203,8 @@ class Instancer {
       glyf.resize((glyf.size() + 3) / 4 * 4);
       offsets.push_back(glyf.size());
     }
-    const bool is_long = basics_.outlines.has_long_offsets || glyf.size() > 2 * 0xFFFF;
-    Bytes& loca = tables_[tag("loca")];
-    loca.assign(offsets.size() * (is_long ? 4 : 2), 0);
-    for (std::size_t i = 0; i < offsets.size(); ++i) {
-      if (is_long) {
-        put_u32(loca, 4 * i, static_cast<std::uint32_t>(offsets[i]));
-      } else {
-        put_u16(loca, 2 * i, static_cast<int>(offsets[i] / 2));
-      }
-    }
+    const bool is_long = basics_.outlines.has_long_offsets || glyf.size() > sfnt::short_offsets_reach;
+    tables_[tag("loca")] = sfnt::build_loca(offsets, is_long);
     put_u16(tables_[tag("head")], 50, is_long ? 1 : 0);
     for (std::size_t i = 0; i < glyphs_.size(); ++i) {
       boxes_[i] = glyphs_[i].size() >= 10 ? sfnt::read_box(glyphs_[i]) : Box{};
