@@ -52,8 +52,7 @@ std::vector<BezierContour> outline_for(const Font& font, int glyph, Facts& facts
 ContourFacts facts_of(const BezierContour& contour, int units_per_em) {
   ContourFacts facts;
   facts.area = fontcore::signed_area(contour);
-  facts.points = static_cast<int>(std::count_if(contour.kinds().begin(), contour.kinds().end(),
-                                                [](auto kind) { return kind != fontcore::PointKind::ImpliedNode; }));
+  facts.points = static_cast<int>(stored_points(contour));
   facts.segments = contour.segment_count();
   facts.length = fontcore::length(contour);
   try {

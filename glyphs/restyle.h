@@ -84,8 +84,6 @@ GlyphResult restyle_glyph(const Font& font, int glyph, const Recipe& recipe, con
 bool lays_detail(const Recipe& recipe);
 /// What a point costs as `GlyphResult::work` counts.
 std::int64_t work_of_point(const Recipe& recipe);
-/// Points that a file holds; implied nodes follow from their handles.
-std::int64_t stored_points(const std::vector<fontcore::BezierContour>& contours);
 
 /// Heights of the alignment zones of a font, flat and overshoot, found from its Latin letters and figures.
 std::vector<double> alignment_zones(const Font& font);

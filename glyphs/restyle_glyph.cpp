@@ -217,15 +217,6 @@ bool lays_detail(const Recipe& recipe) {
                              [](const Step& step) { return std::holds_alternative<CharacterStep>(step); });
 }
 
-std::int64_t stored_points(const Contours& contours) {
-  std::int64_t points = 0;
-  for (const BezierContour& contour : contours) {
-    points += static_cast<std::int64_t>(contour.kinds().size()) -
-              std::ranges::count(contour.kinds(), fontcore::PointKind::ImpliedNode);
-  }
-  return points;
-}
-
 std::int64_t work_of_point(const Recipe& recipe) {
   constexpr std::int64_t with_detail = 16;
   return lays_detail(recipe) ? with_detail : 1;

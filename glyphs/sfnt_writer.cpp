@@ -639,30 +639,20 @@ class Writer {
     for (const int id : drawn_otherwise()) {
       if (!glyph_at(id).is_composite() || is_decomposed(id) || is_emptied(id)) continue;
       result_.moved_composites.push_back(id);
-      int point_count = 0;
-      double low_x = std::numeric_limits<double>::infinity();
-      double low_y = low_x;
-      double high_x = -low_x;
-      double high_y = -low_x;
-      for (const BezierContour& contour : compose(after, id)) {
-        point_count +=
-            static_cast<int>(contour.point_count() - std::ranges::count(contour.kinds(), PointKind::ImpliedNode));
-        low_x = std::min(low_x, contour.points().col(0).minCoeff());
-        low_y = std::min(low_y, contour.points().col(1).minCoeff());
-        high_x = std::max(high_x, contour.points().col(0).maxCoeff());
-        high_y = std::max(high_y, contour.points().col(1).maxCoeff());
-      }
+      const std::vector<BezierContour> outline = compose(after, id);
+      const fontcore::Box drawn = control_box(outline);
       const double origin = glyph_at(id).origin;  // the box counts from the glyph's own zero
       const auto round = [&](double value) {
         const double rounded = std::floor(value + 0.5);
         if (!fits_int16(rounded)) fail(id, text("box coordinate ", rounded, " does not fit in 16 bits"));
         return static_cast<int>(rounded);
       };
-      const Box box{round(low_x + origin), round(low_y), round(high_x + origin), round(high_y)};
+      const Box box{round(drawn.low.x() + origin), round(drawn.low.y()), round(drawn.high.x() + origin),
+                    round(drawn.high.y())};
       Bytes bytes = with_moved_parts(id);
       put_box(bytes, 2, box);
       if (std::ranges::binary_search(has_other_points, id)) {
-        raise_maximum(10, point_count);
+        raise_maximum(10, static_cast<int>(stored_points(outline)));
         if (glyph_at(id).has_instructions) {
           drop_instructions(bytes);
           result_.dropped_instructions.push_back(id);
