@@ -64,6 +64,12 @@ bool is_straight(const Bezier& b, double tolerance) {
   return true;
 }
 
+double handle_length(const Bezier& b, bool at_start) {
+  const Point d = at_start ? Point(b.p[1] - b.start()) : Point(b.end() - b.p[at(b.degree - 1)]);
+  const double size = d.norm();
+  return size > 0.0 ? size : (b.end() - b.start()).norm();
+}
+
 class ContourFit {
  public:
   ContourFit(const BezierContour& source, const CompactOptions& options);
@@ -73,8 +79,18 @@ class ContourFit {
   void make_elements();
   void split_at_extrema();
   void merge_lines();
+  bool holds_first() const;
+  void make_first(Join& join) const;
+  Join end_join(int from, int to, bool is_closed, bool is_start) const;
+  void add_samples(int from, int to, Task& task) const;
+  void add_extrema(Task& task) const;
+  void bring_start_near(Task& task) const;
+  void add_first_node(int from, int to, Task& task) const;
+  void sort_musts(Task& task) const;
+  int most_pieces(int from, int to) const;
   Task task_of(int from, int to) const;
   std::optional<std::vector<Bezier>> originals(int from, int to) const;
+  BezierContour contour_of(const std::vector<Bezier>& pieces, const std::vector<int>& segment) const;
   CompactFit as_it_was(std::string why = {}) const;
   bool is_admissible(int segment) const;
   void find_kept();
@@ -266,80 +282,72 @@ std::optional<std::vector<Bezier>> ContourFit::originals(int from, int to) const
   return pieces;
 }
 
-// The stretch over elements [from, to).
-Task ContourFit::task_of(int from, int to) const {
+// The first node stays where it is; where nodes are free, or it is no point of the font, the nearest will do.
+bool ContourFit::holds_first() const {
+  return settings_.options.extrema == Extrema::Keep && source_.kind(source_.node(0)) != PointKind::ImpliedNode;
+}
+
+void ContourFit::make_first(Join& join) const {
+  join.is_first = true;
+  join.home = join.place = whole(join.place);
+  join.slides = false;
+}
+
+// Where the stretch over elements [from, to) starts or ends, and what of that may move.
+Join ContourFit::end_join(int from, int to, bool is_closed, bool is_start) const {
+  const double em = settings_.options.units_per_em;
+  const Element& own = is_start ? element(from) : element(to - 1);
+  const Element& node = is_start ? element(from) : element(to);  // that starts at this end
+  const Element& beside = is_start ? element(from - 1) : element(to);
+  const int node_index = (is_start ? from : to) % count();
+  Join join;
+  join.place = join.home = is_start ? own.curve.start() : own.curve.end();
+  join.tangent = is_start ? start_tangent(own.curve) : end_tangent(own.curve);
+  join.is_first = node.is_first;
+  if (is_closed) {
+    make_first(join);
+    join.turns = true;
+    return join;
+  }
+  join.is_corner = node.is_corner;
+  join.is_held = is_beside_kept(node_index);
+  if (node.is_corner) {
+    const double slack =
+        1.4 / std::max(1.0, std::min(handle_length(own.curve, is_start), handle_length(beside.curve, !is_start)));
+    const double turned = corner_turn_[at(node_index)];
+    const double share = to - from == count() ? 0.5 : 1.0;  // its other end is the same corner
+    join.turns = true;
+    join.turn_low = turned - share * (corner_freedom + 0.8 * slack);
+    join.turn_high = turned + share * (corner_freedom + 0.8 * slack);
+    join.turn_slack = share * 0.15 * slack;
+    join.home = join.place = node_place(node_index);
+    return join;
+  }
+  // A smooth end is that of a line that stays, or of a segment that is kept.
+  join.tangent = is_start ? end_tangent(beside.curve) : start_tangent(beside.curve);
+  join.rail = join.tangent;
+  if (join.is_held) return join;
+  const auto& line = fitted_[at((is_start ? from - 1 + count() : to) % count())];
+  join.has_line = true;
+  join.line_end = is_start ? line.front().start() : line.back().end();
+  join.slides = true;
+  const int other = is_start ? from - 1 : to + 1;  // the node at the line's other end
+  const bool other_smooth = !element(other).is_corner;
+  // How much of the line may be taken over.
+  const double room = (beside.curve.end() - beside.curve.start()).norm() * (other_smooth ? 0.5 : 1.0) * line_share;
+  if (is_beside_kept(other) && element(other).turn < smooth_turn)
+    join.line_tangent = is_start ? end_tangent(element(other - 1).curve) : start_tangent(element(other).curve);
+  join.slide_low = is_start ? -room : -em;
+  join.slide_high = is_start ? em : room;
+  if (node.is_first && holds_first()) make_first(join);
+  return join;
+}
+
+// The elements sampled, and the lines that their ends may slide along; of the samples those that may be joins.
+void ContourFit::add_samples(int from, int to, Task& task) const {
   const CompactOptions& options = settings_.options;
   const double em = options.units_per_em;
-  Task task;
   Stretch& stretch = task.stretch;
-  stretch.is_closed = to - from == count() && !element(from).is_corner;
-
-  // A line next to it that it goes on from smoothly, and how much of it may be taken back.
-  const auto room_of = [&](const Element& line, bool both_smooth) {
-    return (line.curve.end() - line.curve.start()).norm() * (both_smooth ? 0.5 : 1.0) * line_share;
-  };
-  const auto handle_of = [](const Bezier& b, bool is_start) {
-    const Point d = is_start ? Point(b.p[1] - b.start()) : Point(b.end() - b.p[at(b.degree - 1)]);
-    const double size = d.norm();
-    return size > 0.0 ? size : (b.end() - b.start()).norm();
-  };
-  // The first node stays where it is; where nodes are free, or it is no point of the font, the nearest will do.
-  const bool holds_first = options.extrema == Extrema::Keep && source_.kind(source_.node(0)) != PointKind::ImpliedNode;
-  const auto make_first = [&](Join& join) {
-    join.is_first = true;
-    join.home = join.place = whole(join.place);
-    join.slides = false;
-  };
-  const auto end_join = [&](bool is_start) {
-    const Element& own = is_start ? element(from) : element(to - 1);
-    const Element& node = is_start ? element(from) : element(to);  // that starts at this end
-    const Element& beside = is_start ? element(from - 1) : element(to);
-    const int node_index = (is_start ? from : to) % count();
-    Join join;
-    join.place = join.home = is_start ? own.curve.start() : own.curve.end();
-    join.tangent = is_start ? start_tangent(own.curve) : end_tangent(own.curve);
-    join.is_first = node.is_first;
-    if (stretch.is_closed) {
-      make_first(join);
-      join.turns = true;
-      return join;
-    }
-    join.is_corner = node.is_corner;
-    join.is_held = is_beside_kept(node_index);
-    if (node.is_corner) {
-      const double slack =
-          1.4 / std::max(1.0, std::min(handle_of(own.curve, is_start), handle_of(beside.curve, !is_start)));
-      const double turned = corner_turn_[at(node_index)];
-      const double share = to - from == count() ? 0.5 : 1.0;  // its other end is the same corner
-      join.turns = true;
-      join.turn_low = turned - share * (corner_freedom + 0.8 * slack);
-      join.turn_high = turned + share * (corner_freedom + 0.8 * slack);
-      join.turn_slack = share * 0.15 * slack;
-      join.home = join.place = node_place(node_index);
-      return join;
-    }
-    // A smooth end is that of a line that stays, or of a segment that is kept.
-    join.tangent = is_start ? end_tangent(beside.curve) : start_tangent(beside.curve);
-    join.rail = join.tangent;
-    if (join.is_held) return join;
-    const auto& line = fitted_[at((is_start ? from - 1 + count() : to) % count())];
-    join.has_line = true;
-    join.line_end = is_start ? line.front().start() : line.back().end();
-    join.slides = true;
-    const int other = is_start ? from - 1 : to + 1;  // the node at the line's other end
-    const bool other_smooth = !element(other).is_corner;
-    const double room = room_of(beside, other_smooth);
-    if (is_beside_kept(other) && element(other).turn < smooth_turn)
-      join.line_tangent = is_start ? end_tangent(element(other - 1).curve) : start_tangent(element(other).curve);
-    join.slide_low = is_start ? -room : -em;
-    join.slide_high = is_start ? em : room;
-    if (node.is_first && holds_first) make_first(join);
-    return join;
-  };
-  task.start = end_join(true);
-  if (!stretch.is_closed) task.end = end_join(false);
-
-  // Samples.
   const auto extend = [&](const Join& join, bool is_start) {
     constexpr int samples = 4;
     if (!join.slides) return;
@@ -402,108 +410,122 @@ Task ContourFit::task_of(int from, int to) const {
   }
   for (std::size_t i = 1; i < samples.size(); ++i)
     samples[i].s = samples[i - 1].s + (samples[i].place - samples[i - 1].place).norm();
+}
 
-  task.rotates = stretch.is_closed && !holds_first;
-  // Extrema, where the sense of the tangent along an axis changes, and the first node.
+// Joins at extrema, where the sense of the tangent along an axis changes.
+void ContourFit::add_extrema(Task& task) const {
+  const CompactOptions& options = settings_.options;
+  const double em = options.units_per_em;
+  const Stretch& stretch = task.stretch;
+  const std::vector<Sample>& samples = stretch.samples;
   std::vector<Task::Must>& musts = task.musts;
   const int n = static_cast<int>(samples.size());
-  if (options.extrema == Extrema::Keep) {
-    constexpr double unit = 0.8;  // hardly
-    const double prominence = task.is_long ? unit : std::min(options.tolerance, unit);
-    for (int axis = 0; axis < 2; ++axis) {
-      const auto component = [&](int i) { return samples[at(i)].tangent[axis]; };
-      constexpr double none = 1e-9;
-      int sense = 0;
-      int since_sample = -1;
-      if (stretch.is_closed) {
-        for (int i = stretch.last - 1; i > 0 && sense == 0; --i) {
-          if (std::abs(component(i)) > none) {
-            sense = component(i) > 0.0 ? 1 : -1;
-            since_sample = i - stretch.last;
+  constexpr double unit = 0.8;  // hardly
+  const double prominence = task.is_long ? unit : std::min(options.tolerance, unit);
+  for (int axis = 0; axis < 2; ++axis) {
+    const auto component = [&](int i) { return samples[at(i)].tangent[axis]; };
+    constexpr double none = 1e-9;
+    int sense = 0;
+    int since_sample = -1;
+    if (stretch.is_closed) {
+      for (int i = stretch.last - 1; i > 0 && sense == 0; --i) {
+        if (std::abs(component(i)) > none) {
+          sense = component(i) > 0.0 ? 1 : -1;
+          since_sample = i - stretch.last;
+        }
+      }
+    }
+    for (int i = stretch.first; i <= stretch.last; ++i) {
+      if (std::abs(component(i)) <= none) continue;
+      const int own = component(i) > 0.0 ? 1 : -1;
+      if (sense != 0 && own != sense) {
+        int best = i;
+        double least = never;
+        for (int m = since_sample; m <= i; ++m) {
+          const int sample = m < 0 ? m + stretch.last : m;
+          if (std::abs(component(sample)) < least) {
+            least = std::abs(component(sample));
+            best = sample;
+          }
+        }
+        const Sample& sample = samples[at(best)];
+        const int across = 1 - axis;
+        const auto leaves = [&](int step) {
+          int m = best;
+          for (int c = 0; c < n; ++c) {
+            m += step;
+            if (stretch.is_closed)
+              m = (m + stretch.last) % stretch.last;
+            else if (m < stretch.first || m > stretch.last)
+              return false;
+            if (std::abs(samples[at(m)].place[across] - sample.place[across]) > prominence) return true;
+          }
+          return false;
+        };
+        // The tangent's component along this axis vanishes: it lies along the other.
+        Join join;
+        join.place = join.home = sample.place;
+        join.tangent = Point::Zero();
+        join.tangent[across] = sample.tangent[across] > 0.0 ? 1.0 : -1.0;
+        join.rail = join.tangent;
+        join.slides = true;
+        join.slide_low = -extremum_slide * em;
+        join.slide_high = extremum_slide * em;
+        bool has_height = true;
+        if (task.is_long && options.coordinates == Coordinates::Whole) {
+          // What lies between whole numbers by much of the tolerance can be no node of that height.
+          const double height = whole(join.place)[axis];
+          constexpr double share = 0.6;
+          has_height = std::abs(height - join.place[axis]) < share * options.tolerance;
+          join.place[axis] = join.home[axis] = height;
+        }
+        if (has_height && leaves(1) && leaves(-1)) {
+          const bool at_end = best == stretch.first || best == stretch.last;
+          if (!at_end) {
+            musts.push_back({best, join});
+          } else if (stretch.is_closed) {
+            make_first(join);
+            task.start = join;
           }
         }
       }
-      for (int i = stretch.first; i <= stretch.last; ++i) {
-        if (std::abs(component(i)) <= none) continue;
-        const int own = component(i) > 0.0 ? 1 : -1;
-        if (sense != 0 && own != sense) {
-          int best = i;
-          double least = never;
-          for (int m = since_sample; m <= i; ++m) {
-            const int sample = m < 0 ? m + stretch.last : m;
-            if (std::abs(component(sample)) < least) {
-              least = std::abs(component(sample));
-              best = sample;
-            }
-          }
-          const Sample& sample = samples[at(best)];
-          const int across = 1 - axis;
-          const auto leaves = [&](int step) {
-            int m = best;
-            for (int c = 0; c < n; ++c) {
-              m += step;
-              if (stretch.is_closed)
-                m = (m + stretch.last) % stretch.last;
-              else if (m < stretch.first || m > stretch.last)
-                return false;
-              if (std::abs(samples[at(m)].place[across] - sample.place[across]) > prominence) return true;
-            }
-            return false;
-          };
-          // The tangent's component along this axis vanishes: it lies along the other.
-          Join join;
-          join.place = join.home = sample.place;
-          join.tangent = Point::Zero();
-          join.tangent[across] = sample.tangent[across] > 0.0 ? 1.0 : -1.0;
-          join.rail = join.tangent;
-          join.slides = true;
-          join.slide_low = -extremum_slide * em;
-          join.slide_high = extremum_slide * em;
-          bool has_height = true;
-          if (task.is_long && options.coordinates == Coordinates::Whole) {
-            // What lies between whole numbers by much of the tolerance can be no node of that height.
-            const double height = whole(join.place)[axis];
-            constexpr double share = 0.6;
-            has_height = std::abs(height - join.place[axis]) < share * options.tolerance;
-            join.place[axis] = join.home[axis] = height;
-          }
-          if (has_height && leaves(1) && leaves(-1)) {
-            const bool at_end = best == stretch.first || best == stretch.last;
-            if (!at_end) {
-              musts.push_back({best, join});
-            } else if (stretch.is_closed) {
-              make_first(join);
-              task.start = join;
-            }
-          }
-        }
-        sense = own;
-        since_sample = i;
-      }
+      sense = own;
+      since_sample = i;
     }
   }
-  if (task.is_long && stretch.is_closed && holds_first) {
-    // The first node as near to the curve as whole numbers are.
-    const Sample& own = samples[at(stretch.first)];
-    const Point off = task.start.place - own.place;
-    constexpr double share = 0.5;
-    if (std::abs(cross(own.tangent, off)) > share * options.tolerance) {
-      std::vector<Point> near;
-      constexpr double reach = 4.0;
-      for (int i = stretch.last - 1; i > 0 && (samples[at(i)].place - own.place).norm() < reach; --i)
-        near.insert(near.begin(), samples[at(i)].place);
-      for (int i = stretch.first; i < stretch.last && (samples[at(i)].place - own.place).norm() < reach; ++i)
-        near.push_back(samples[at(i)].place);
-      task.start.place = task.start.home = whole_near(settings_, own.place, near);
-      task.start.tangent = own.tangent;
-      task.start.turns = true;
-    }
+}
+
+// The first node of a finely cut contour as near to the curve as whole numbers are.
+void ContourFit::bring_start_near(Task& task) const {
+  const CompactOptions& options = settings_.options;
+  const Stretch& stretch = task.stretch;
+  const std::vector<Sample>& samples = stretch.samples;
+  const Sample& own = samples[at(stretch.first)];
+  const Point off = task.start.place - own.place;
+  constexpr double share = 0.5;
+  if (std::abs(cross(own.tangent, off)) > share * options.tolerance) {
+    std::vector<Point> near;
+    constexpr double reach = 4.0;
+    for (int i = stretch.last - 1; i > 0 && (samples[at(i)].place - own.place).norm() < reach; --i)
+      near.insert(near.begin(), samples[at(i)].place);
+    for (int i = stretch.first; i < stretch.last && (samples[at(i)].place - own.place).norm() < reach; ++i)
+      near.push_back(samples[at(i)].place);
+    task.start.place = task.start.home = whole_near(settings_, own.place, near);
+    task.start.tangent = own.tangent;
+    task.start.turns = true;
   }
+}
+
+// A join at the contour's first node, if that is within the stretch.
+void ContourFit::add_first_node(int from, int to, Task& task) const {
+  const Stretch& stretch = task.stretch;
+  const std::vector<Sample>& samples = stretch.samples;
+  std::vector<Task::Must>& musts = task.musts;
   for (int i = stretch.is_closed ? from : from + 1; i < to; ++i) {
     if (element(i).is_first) task.first = element(i).curve.start();
   }
   for (int i = from + 1; i < to; ++i) {
-    if (!element(i).is_first || !holds_first) continue;
+    if (!element(i).is_first || !holds_first()) continue;
     int sample = stretch.first;
     for (int m = stretch.first; m < stretch.last; ++m) {
       if (samples[at(m)].place == element(i).curve.start()) sample = m;
@@ -521,6 +543,14 @@ Task ContourFit::task_of(int from, int to) const {
       musts.push_back({sample, join});
     }
   }
+}
+
+// The joins there have to be in order, each once and a candidate too.
+void ContourFit::sort_musts(Task& task) const {
+  const CompactOptions& options = settings_.options;
+  const Stretch& stretch = task.stretch;
+  const std::vector<Sample>& samples = stretch.samples;
+  std::vector<Task::Must>& musts = task.musts;
   std::sort(musts.begin(), musts.end(), [](const Task::Must& a, const Task::Must& b) { return a.sample < b.sample; });
   for (std::size_t i = 1; i < musts.size();) {
     i = musts[i].sample == musts[i - 1].sample
@@ -547,17 +577,10 @@ Task ContourFit::task_of(int from, int to) const {
   for (const Task::Must& must : musts) task.candidates.push_back(must.sample);
   std::sort(task.candidates.begin(), task.candidates.end());
   task.candidates.erase(std::unique(task.candidates.begin(), task.candidates.end()), task.candidates.end());
+}
 
-  for (int m = 1; stretch.is_closed && m <= stretch.last; ++m) {
-    Sample again = samples[at(m)];
-    again.s += samples[at(stretch.last)].s;
-    samples.push_back(again);
-  }
-
-  if (stretch.first > 0) stretch.polyline.push_back(samples.front().place);
-  for (const Bezier& b : stretch.source) add_polyline(b, polyline_sagitta * options.tolerance, 6, stretch.polyline);
-  stretch.polyline.push_back(final.end());
-  if (!stretch.is_closed && stretch.last + 1 < n) stretch.polyline.push_back(samples.back().place);
+int ContourFit::most_pieces(int from, int to) const {
+  const CompactOptions& options = settings_.options;
   int segments = 0;
   bool is_admissible_as_is = true;
   bool has_cubic = false;
@@ -569,11 +592,79 @@ Task ContourFit::task_of(int from, int to) const {
   // What cannot be written as it is may have to be more: quadratics for cubics, or curves between whole numbers where a
   // unit is more than the tolerance.
   constexpr int quadratics_for_cubic = 8;
-  task.most_pieces = options.curve == CurveKind::Quadratic && has_cubic ? quadratics_for_cubic * segments
-                     : is_admissible_as_is                              ? segments - 1
-                     : options.tolerance < 1.0                          ? 2 * segments
-                                                                        : segments;
+  return options.curve == CurveKind::Quadratic && has_cubic ? quadratics_for_cubic * segments
+         : is_admissible_as_is                              ? segments - 1
+         : options.tolerance < 1.0                          ? 2 * segments
+                                                            : segments;
+}
+
+// The stretch over elements [from, to).
+Task ContourFit::task_of(int from, int to) const {
+  Task task;
+  Stretch& stretch = task.stretch;
+  stretch.is_closed = to - from == count() && !element(from).is_corner;
+  task.start = end_join(from, to, stretch.is_closed, true);
+  if (!stretch.is_closed) task.end = end_join(from, to, stretch.is_closed, false);
+  add_samples(from, to, task);
+  task.rotates = stretch.is_closed && !holds_first();
+  if (settings_.options.extrema == Extrema::Keep) add_extrema(task);
+  if (task.is_long && stretch.is_closed && holds_first()) bring_start_near(task);
+  add_first_node(from, to, task);
+  sort_musts(task);
+
+  std::vector<Sample>& samples = stretch.samples;
+  for (int m = 1; stretch.is_closed && m <= stretch.last; ++m) {
+    Sample again = samples[at(m)];
+    again.s += samples[at(stretch.last)].s;
+    samples.push_back(again);
+  }
+
+  if (stretch.first > 0) stretch.polyline.push_back(samples.front().place);
+  for (const Bezier& b : stretch.source)
+    add_polyline(b, polyline_sagitta * settings_.options.tolerance, 6, stretch.polyline);
+  stretch.polyline.push_back(element(to - 1).curve.end());
+  if (!stretch.is_closed && stretch.last + 1 < static_cast<int>(samples.size()))
+    stretch.polyline.push_back(samples.back().place);
+  task.most_pieces = most_pieces(from, to);
   return task;
+}
+
+// The contour of pieces; those that are segments of the source, unless that is -1, have its points and kinds.
+BezierContour ContourFit::contour_of(const std::vector<Bezier>& pieces, const std::vector<int>& segment) const {
+  std::optional<Point> implied_first;
+  Points points(static_cast<Eigen::Index>(4 * pieces.size()), 2);
+  std::vector<PointKind> kinds;
+  const auto add = [&](const Point& p, PointKind kind) {
+    points.row(static_cast<Eigen::Index>(kinds.size())) = p.transpose();
+    kinds.push_back(kind);
+  };
+  for (std::size_t i = 0; i < pieces.size(); ++i) {
+    const Bezier& b = pieces[i];
+    const std::size_t previous = i == 0 ? pieces.size() - 1 : i - 1;
+    const Bezier& before = pieces[previous];
+    const int own = segment[i];
+    const int own_before = segment[previous];
+    // What is kept has the source's bits, its ends too; between two that are, an implied node stays one.
+    const int node = own >= 0 ? source_.node(own) : own_before >= 0 ? source_.point_of(own_before, before.degree) : -1;
+    const bool is_middle = b.degree == 2 && before.degree == 2 && b.start() == 0.5 * (before.p[1] + b.p[1]);
+    // The first node is one of its own if it can be: where a list begins with a handle, readers begin elsewhere.
+    const bool is_implied = node < 0 ? is_middle && (i > 0 || whole(b.start()) != b.start())
+                                     : own >= 0 && own_before >= 0 && source_.next(own_before) == own &&
+                                           source_.kind(node) == PointKind::ImpliedNode;
+    const Point start = node < 0 ? Point(b.start() + origin_) : source_.point(node);
+    if (is_implied && i == 0) {
+      implied_first = start;
+    } else {
+      add(start, is_implied ? PointKind::ImpliedNode : PointKind::Node);
+    }
+    for (int k = 1; k < b.degree; ++k) {
+      add(own < 0 ? Point(b.p[at(k)] + origin_) : source_.point(source_.point_of(own, k)),
+          b.degree == 2 ? PointKind::Quadratic : PointKind::Cubic);
+    }
+  }
+  if (implied_first) add(*implied_first, PointKind::ImpliedNode);
+  points.conservativeResize(static_cast<Eigen::Index>(kinds.size()), 2);
+  return BezierContour(std::move(points), std::move(kinds));
 }
 
 CompactFit ContourFit::run() {
@@ -668,41 +759,8 @@ CompactFit ContourFit::run() {
   const std::string why = work_ > settings_.most_work ? too_much_work : std::string();
   if (is_admissible_as_is && written >= source_.segment_count()) return as_it_was(why);
 
-  std::optional<Point> implied_first;
-  Points points(static_cast<Eigen::Index>(4 * out.size()), 2);
-  std::vector<PointKind> kinds;
-  const auto add = [&](const Point& p, PointKind kind) {
-    points.row(static_cast<Eigen::Index>(kinds.size())) = p.transpose();
-    kinds.push_back(kind);
-  };
-  for (std::size_t i = 0; i < out.size(); ++i) {
-    const Bezier& b = out[i];
-    const std::size_t previous = i == 0 ? out.size() - 1 : i - 1;
-    const Bezier& before = out[previous];
-    const int own = segment[i];
-    const int own_before = segment[previous];
-    // What is kept has the source's bits, its ends too; between two that are, an implied node stays one.
-    const int node = own >= 0 ? source_.node(own) : own_before >= 0 ? source_.point_of(own_before, before.degree) : -1;
-    const bool is_middle = b.degree == 2 && before.degree == 2 && b.start() == 0.5 * (before.p[1] + b.p[1]);
-    // The first node is one of its own if it can be: where a list begins with a handle, readers begin elsewhere.
-    const bool is_implied = node < 0 ? is_middle && (i > 0 || whole(b.start()) != b.start())
-                                     : own >= 0 && own_before >= 0 && source_.next(own_before) == own &&
-                                           source_.kind(node) == PointKind::ImpliedNode;
-    const Point start = node < 0 ? Point(b.start() + origin_) : source_.point(node);
-    if (is_implied && i == 0) {
-      implied_first = start;
-    } else {
-      add(start, is_implied ? PointKind::ImpliedNode : PointKind::Node);
-    }
-    for (int k = 1; k < b.degree; ++k) {
-      add(own < 0 ? Point(b.p[at(k)] + origin_) : source_.point(source_.point_of(own, k)),
-          b.degree == 2 ? PointKind::Quadratic : PointKind::Cubic);
-    }
-  }
-  if (implied_first) add(*implied_first, PointKind::ImpliedNode);
-  points.conservativeResize(static_cast<Eigen::Index>(kinds.size()), 2);
   CompactFit fit;
-  fit.contour = BezierContour(std::move(points), std::move(kinds));
+  fit.contour = contour_of(out, segment);
   fit.work = work_;
   fit.why = why;
   for (const int kept : options.kept_segments)
