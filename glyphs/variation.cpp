@@ -7,6 +7,7 @@
 #include <limits>
 #include <optional>
 
+#include "fontcore/measure.h"
 #include "glyphs/error.h"
 #include "glyphs/freetype_loader.h"
 #include "glyphs/sfnt_cff.h"
@@ -617,20 +618,11 @@ class Instancer {
     const Font draft = load_sfnt(path_, built());
     for (const Glyph& glyph : draft.glyphs) {
       if (!glyph.is_composite()) continue;
-      double low_x = std::numeric_limits<double>::infinity();
-      double low_y = low_x;
-      double high_x = -low_x;
-      double high_y = -low_x;
-      for (const fontcore::BezierContour& contour : compose(draft, glyph.id)) {
-        low_x = std::min(low_x, contour.points().col(0).minCoeff());
-        low_y = std::min(low_y, contour.points().col(1).minCoeff());
-        high_x = std::max(high_x, contour.points().col(0).maxCoeff());
-        high_y = std::max(high_y, contour.points().col(1).maxCoeff());
-      }
-      if (low_x > high_x) continue;
+      const auto& [low, high] = control_box(compose(draft, glyph.id));
+      if (low.x() > high.x()) continue;
       sfnt::put_box(glyphs_[static_cast<std::size_t>(glyph.id)], 2,
-                    {to_int16(low_x + glyph.origin, "box coordinate"), to_int16(low_y, "box coordinate"),
-                     to_int16(high_x + glyph.origin, "box coordinate"), to_int16(high_y, "box coordinate")});
+                    {to_int16(low.x() + glyph.origin, "box coordinate"), to_int16(low.y(), "box coordinate"),
+                     to_int16(high.x() + glyph.origin, "box coordinate"), to_int16(high.y(), "box coordinate")});
     }
     for (const Glyph& glyph : draft.glyphs) {
       is_drawn_[static_cast<std::size_t>(glyph.id)] = draft.has_outline(glyph.id);
