@@ -34,7 +34,7 @@ int main() {
       picture.path(arcs.pieces(scale, 0.5), {x, y}, "fill=\"#29292e\"");
       if (scale > 0.0) {
         const Points ends = arcs.span_ends(scale);
-        picture.dots(ends.rowwise() + Eigen::RowVector2d(x, y), 6.0, "fill=\"#00b85c\"");
+        picture.dots(ends.rowwise() + Eigen::RowVector2d(x, y), 6.0, "stroke=\"#00b85c\"");
       }
       y += 620.0;
     }
