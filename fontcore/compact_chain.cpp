@@ -320,10 +320,35 @@ void ChainFit::apply(const Eigen::VectorXd& step, double scale) {
     }
   }
   if (cubic) return;
+  keep_in_order();
   for (std::size_t j = 0; j < chain_.joins.size(); ++j) {
     if (!chain_.joins[j].moves) continue;
     const std::size_t before = j == 0 ? at(chain_.size() - 1) : j - 1;
     chain_.joins[j].place = 0.5 * (chain_.top[before] + chain_.top[j]);
+  }
+}
+
+// Along a rail a node stays behind the handle ahead of it, and ahead of the one behind: of a node and a handle that
+// slide along it the node goes first.
+void ChainFit::keep_in_order() {
+  const int k = chain_.size();
+  for (int j = 0; j < static_cast<int>(chain_.joins.size()); ++j) {
+    Join& join = chain_.joins[at(j)];
+    if (join.moves || join.is_corner) continue;
+    for (const bool ahead : {false, true}) {
+      if (!chain_.is_closed && (ahead ? j == k : j == 0)) continue;
+      const int piece = ahead ? j : j == 0 ? k - 1 : j - 1;
+      Point& top = chain_.top[at(piece)];
+      const double least = shortest_handle * chain_.arc[at(piece)];
+      const double lacks = least - (ahead ? 1.0 : -1.0) * (top - join.place).dot(join.tangent);
+      if (!(lacks > 0.0)) continue;
+      if (!top_by_[at(piece)].empty()) {
+        top += (ahead ? lacks : -lacks) * join.tangent;
+      } else if (join.slides) {
+        join.slid = std::clamp(join.slid + (ahead ? -lacks : lacks), join.slide_low, join.slide_high);
+        join.place = join.home + join.slid * join.rail;
+      }
+    }
   }
 }
 

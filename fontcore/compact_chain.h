@@ -130,6 +130,7 @@ class ChainFit {
   void find_entries(int piece, std::vector<Entry>& list) const;
   void apply(const Eigen::VectorXd& step, double scale);
   void place_quadratics();
+  void keep_in_order();
 
   const Sample& sample(std::size_t foot) const { return stretch_.samples[static_cast<std::size_t>(from_) + foot]; }
 
