@@ -49,6 +49,7 @@ constexpr double near_enough = 2.5;  // single curves, of the tolerance, that a 
 constexpr int window_step = 3;
 // Rounding handles costs so much, font units.
 constexpr double room_of_handles = 0.12;
+constexpr double leaning_handle = 8.0;
 // A long turn is cut so often to join in.
 constexpr double candidate_turn = 15.0 * degrees;
 constexpr double most_candidates = 56.0;
@@ -1564,6 +1565,8 @@ Task ContourFit::task_of(int from, int to) const {
       join.line_tangent = is_start ? end_tangent(element(other - 1).curve) : start_tangent(element(other).curve);
     join.slide_low = is_start ? -room : -em;
     join.slide_high = is_start ? em : room;
+    if (options.coordinates == Coordinates::Whole && join.rail.prod() != 0.0)
+      join.least_handle = std::min(leaning_handle, 0.5 * room);
     if (node.is_first && holds_first) make_first(join);
     return join;
   };

@@ -52,6 +52,8 @@ Chain lay_chain(const Stretch& stretch, CurveKind kind, std::vector<Join> joins,
 ChainFit::ChainFit(const Stretch& stretch, Chain chain) : stretch_(stretch), chain_(std::move(chain)) {
   if (chain_.kind == CurveKind::Quadratic) place_quadratics();
   variables_ = count_variables();
+  blocked_.assign(at(variables_), 0);
+  if (chain_.kind == CurveKind::Quadratic) keep_in_order();
   const auto& samples = stretch.samples;
   const int first = chain_.breaks.front();
   const int last = chain_.breaks.back();
@@ -108,12 +110,6 @@ void ChainFit::place_quadratics() {
       by = {Point::UnitX(), Point::UnitY()};
     }
     chain_.top[at(i)] = base;
-  }
-  for (std::size_t j = 0; j < chain_.joins.size(); ++j) {
-    Join& join = chain_.joins[j];
-    if (!join.moves) continue;
-    const std::size_t before = j == 0 ? at(k - 1) : j - 1;
-    join.place = 0.5 * (chain_.top[before] + chain_.top[j]);
   }
 }
 
@@ -294,7 +290,12 @@ void ChainFit::apply(const Eigen::VectorXd& step, double scale) {
       join.place.y() += scale * step[variable++];
     }
     if (join.slides) {
-      join.slid = std::clamp(join.slid + scale * step[variable++], join.slide_low, join.slide_high);
+      if (!cubic) blocked_[at(variable)] = 0;
+      const double to = join.slid + scale * step[variable];
+      join.slid = std::clamp(to, join.slide_low, join.slide_high);
+      if (!cubic && to >= join.slide_high) blocked_[at(variable)] = 1;
+      if (!cubic && to <= join.slide_low) blocked_[at(variable)] = -1;
+      ++variable;
       join.place = join.home + join.slid * join.rail;
     }
     if (join.turns && cubic) {
@@ -315,40 +316,59 @@ void ChainFit::apply(const Eigen::VectorXd& step, double scale) {
       chain_.in[at(i)] = moved(chain_.in[at(i)], variable + 1);
     } else {
       const auto& by = top_by_[at(i)];
+      for (std::size_t v = 0; v < by.size(); ++v) blocked_[at(variable) + v] = 0;
       for (std::size_t v = 0; v < by.size(); ++v)
         chain_.top[at(i)] += scale * step[variable + static_cast<int>(v)] * by[v];
     }
   }
-  if (cubic) return;
-  keep_in_order();
-  for (std::size_t j = 0; j < chain_.joins.size(); ++j) {
-    if (!chain_.joins[j].moves) continue;
-    const std::size_t before = j == 0 ? at(chain_.size() - 1) : j - 1;
-    chain_.joins[j].place = 0.5 * (chain_.top[before] + chain_.top[j]);
-  }
+  if (!cubic) keep_in_order();
 }
 
 // Along a rail a node stays behind the handle ahead of it, and ahead of the one behind: of a node and a handle that
-// slide along it the node goes first.
+// slide along it the node goes first. At a corner the handle stays where it turns no more than it may. Nodes that move
+// are implied.
 void ChainFit::keep_in_order() {
   const int k = chain_.size();
+  constexpr double at_bound = 1e-9;
   for (int j = 0; j < static_cast<int>(chain_.joins.size()); ++j) {
     Join& join = chain_.joins[at(j)];
-    if (join.moves || join.is_corner) continue;
-    for (const bool ahead : {false, true}) {
-      if (!chain_.is_closed && (ahead ? j == k : j == 0)) continue;
-      const int piece = ahead ? j : j == 0 ? k - 1 : j - 1;
+    if (join.moves) continue;
+    for (const bool is_ahead : {false, true}) {
+      if (!chain_.is_closed && (is_ahead ? j == k : j == 0)) continue;
+      const int piece = is_ahead ? j : j == 0 ? k - 1 : j - 1;
+      const double sense = is_ahead ? 1.0 : -1.0;
+      const auto& by = top_by_[at(piece)];
       Point& top = chain_.top[at(piece)];
-      const double least = shortest_handle * chain_.arc[at(piece)];
-      const double lacks = least - (ahead ? 1.0 : -1.0) * (top - join.place).dot(join.tangent);
-      if (!(lacks > 0.0)) continue;
-      if (!top_by_[at(piece)].empty()) {
-        top += (ahead ? lacks : -lacks) * join.tangent;
+      const double least = std::max(shortest_handle * chain_.arc[at(piece)], join.least_handle);
+      const Point handle = sense * (top - join.place);
+      if (join.is_corner) {
+        const double turn = angle(join.tangent, handle);
+        const double to = std::clamp(turn, join.turn_low, join.turn_high);
+        if (to == turn || by.empty()) continue;
+        const Point limit = std::cos(to) * join.tangent + std::sin(to) * left_of(join.tangent);
+        if (by.size() == 2) {
+          top = join.place + sense * std::max(least, handle.dot(limit)) * limit;
+        } else if (const double sine = cross(by[0], limit); std::abs(sine) > 0.1) {
+          top += cross(join.place - top, limit) / sine * by[0];
+        }
+        continue;
+      }
+      const double lacks = least - handle.dot(join.tangent);
+      if (!(lacks > -at_bound)) continue;
+      if (!by.empty()) {
+        top += sense * lacks * join.tangent;
+        blocked_[at(piece_variable_[at(piece)])] = is_ahead ? -1 : 1;
       } else if (join.slides) {
-        join.slid = std::clamp(join.slid + (ahead ? -lacks : lacks), join.slide_low, join.slide_high);
+        join.slid = std::clamp(join.slid - sense * lacks, join.slide_low, join.slide_high);
         join.place = join.home + join.slid * join.rail;
+        blocked_[at(join_variable_[at(j)])] = is_ahead ? 1 : -1;
       }
     }
+  }
+  for (std::size_t j = 0; j < chain_.joins.size(); ++j) {
+    if (!chain_.joins[j].moves) continue;
+    const std::size_t before = j == 0 ? at(k - 1) : j - 1;
+    chain_.joins[j].place = 0.5 * (chain_.top[before] + chain_.top[j]);
   }
 }
 
@@ -458,6 +478,16 @@ bool ChainFit::solve(double distance, int rounds, Until until) {
           const int c = pair_of[e.control][f.control];
           system.entry(e.variable, f.variable) += e.by.x() * (f.by.x() * s.xx[c] + f.by.y() * s.xy[c]) +
                                                   e.by.y() * (f.by.x() * s.xy[c] + f.by.y() * s.yy[c]);
+        }
+      }
+    }
+    if (!cubic) {
+      for (int v = 0; v < n; ++v) {
+        if (!(blocked_[at(v)] * right[v] > 0.0)) continue;
+        right[v] = 0.0;
+        for (int w = first[at(v)]; w < v; ++w) system.entry(v, w) = 0.0;
+        for (int w = v + 1; w < n; ++w) {
+          if (first[at(w)] <= v) system.entry(w, v) = 0.0;
         }
       }
     }

@@ -39,6 +39,8 @@ struct Join {
   double turn_high = std::numeric_limits<double>::infinity();
   /// Whole numbers: what more a corner may turn, for handles end on whole numbers.
   double turn_slack = 0.0;
+  /// Quadratics on whole numbers: a handle shorter than this seldom lies along a rail that leans.
+  double least_handle = 0.0;
   /// The other end of the line that it slides along.
   bool has_line = false;
   Point line_end = Point::Zero();
@@ -143,6 +145,7 @@ class ChainFit {
   std::vector<Point> top_base_;  ///< quadratics: a handle is base + its directions times its variables
   std::vector<std::vector<Point>> top_by_;
   int variables_ = 0;
+  std::vector<int> blocked_;  ///< per variable: the bound that it is at: above 1, below -1, else 0
   double worst_ = 0.0;
   long work_ = 0;
 };
