@@ -117,6 +117,10 @@ class ChainFit {
     double x[4];
     double y[4];
   };
+  struct Polynomial {  // a piece by powers of its parameter
+    double x[4];
+    double y[4];
+  };
   struct Entry {  // how a control point follows a variable
     int variable;
     int control;
@@ -144,6 +148,7 @@ class ChainFit {
   std::vector<int> piece_variable_;
   std::vector<Point> top_base_;  ///< quadratics: a handle is base + its directions times its variables
   std::vector<std::vector<Point>> top_by_;
+  std::vector<Polynomial> polynomials_;  ///< by piece, when last projected on
   int variables_ = 0;
   std::vector<int> blocked_;  ///< per variable: the bound that it is at: above 1, below -1, else 0
   double worst_ = 0.0;
