@@ -20,8 +20,6 @@ constexpr double straightness = 0.02;
 constexpr double corner_freedom = 1.95 * degrees;
 // Of its line, what the curves at both ends of a straight run may take over together.
 constexpr double line_share = 0.4;
-// A straight run that turns no more where it meets a segment that is kept goes on turning no more.
-constexpr double smooth_turn = 1.5 * degrees;
 // How far an extremum may move along its tangent, em.
 constexpr double extremum_slide = 0.012;
 // One sample for so much length, em, or so much turn.
@@ -33,6 +31,9 @@ constexpr int most_samples = 640;
 constexpr double long_stretch = 30.0;
 constexpr double long_segment = 0.01;
 constexpr int segments_of_work = 64;  // that `most_work` is allowed for
+// On whole numbers a handle beside a line that leans is no shorter, font units: the line could hardly keep its
+// direction.
+constexpr double leaning_handle = 8.0;
 // A long turn is cut so often to join in.
 constexpr double candidate_turn = 15.0 * degrees;
 constexpr double most_candidates = 56.0;
@@ -339,6 +340,8 @@ Join ContourFit::end_join(int from, int to, bool is_closed, bool is_start) const
     join.line_tangent = is_start ? end_tangent(element(other - 1).curve) : start_tangent(element(other).curve);
   join.slide_low = is_start ? -room : -em;
   join.slide_high = is_start ? em : room;
+  if (settings_.options.coordinates == Coordinates::Whole && join.rail.prod() != 0.0)
+    join.least_handle = std::min(leaning_handle, 0.5 * room);
   if (node.is_first && holds_first()) make_first(join);
   return join;
 }
@@ -575,6 +578,13 @@ void ContourFit::sort_musts(Task& task) const {
                   [&](int sample) { return sample != stretch.first && sample != stretch.last && is_near_end(sample); });
   }
   for (const Task::Must& must : musts) task.candidates.push_back(must.sample);
+  if (options.curve == CurveKind::Quadratic) {  // one alone seldom joins two such tangents
+    for (std::size_t i = 0; i <= musts.size(); ++i) {
+      const int a = i == 0 ? stretch.first : musts[i - 1].sample;
+      const int b = i == musts.size() ? stretch.last : musts[i].sample;
+      task.candidates.push_back((a + b) / 2);
+    }
+  }
   std::sort(task.candidates.begin(), task.candidates.end());
   task.candidates.erase(std::unique(task.candidates.begin(), task.candidates.end()), task.candidates.end());
 }

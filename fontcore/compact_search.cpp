@@ -191,7 +191,9 @@ class Search {
     double in;
   };
   Span span(int i, int j);
-  Span quadratic_span(int i, int j);
+  double quadratic_error(int i, int j, const Join* start, const Join* end);
+  const Join* rail_at(int sample) const;
+  bool is_straight_between(const Join& a, const Join& b) const;
   double span_error(int i, int j) { return span(i, j).error; }
   double free_error(int i, int j);
   Chain laid(const std::vector<int>& breaks);
@@ -259,7 +261,7 @@ std::vector<Join> Search::joins_at(const std::vector<int>& breaks) const {
 
 // How well one cubic with the source's tangents at its ends does between two samples: what orders candidates.
 Search::Span Search::span(int i, int j) {
-  if (settings_.options.curve == CurveKind::Quadratic) return quadratic_span(i, j);
+  if (settings_.options.curve == CurveKind::Quadratic) return {quadratic_error(i, j, rail_at(i), rail_at(j)), 0.0, 0.0};
   const auto& samples = task_.stretch.samples;
   const Sample& a = samples[at(i)];
   const Sample& b = samples[at(j)];
@@ -326,17 +328,45 @@ Search::Span Search::span(int i, int j) {
   return {worst, out, in};
 }
 
-// The same for one quadratic: the tangents leave it no freedom.
-Search::Span Search::quadratic_span(int i, int j) {
+// The join at a sample, if the handle of a quadratic that ends there has to lie on its tangent.
+const Join* Search::rail_at(int sample) const {
+  const Stretch& stretch = task_.stretch;
+  if (!task_.rotates) {
+    if (sample == stretch.first || (stretch.is_closed && sample == stretch.last))
+      return task_.start.is_corner ? nullptr : &task_.start;
+    if (sample == stretch.last) return task_.end.is_corner ? nullptr : &task_.end;
+  }
+  const Task::Must* must = must_at(sample);
+  return must != nullptr ? &must->join : nullptr;
+}
+
+// Whether one quadratic that is straight goes from rail to rail.
+bool Search::is_straight_between(const Join& a, const Join& b) const {
+  const Point chord = whole(settings_, b.home) - whole(settings_, a.home);
+  if (!(chord.dot(a.tangent) > 0.0) || !(chord.dot(b.tangent) > 0.0)) return false;
+  const auto deviates = [&](const Join& join) {
+    // Along an axis handles of whole numbers keep exactly to it.
+    const bool is_exact = settings_.options.coordinates == Coordinates::Whole && join.tangent.prod() == 0.0;
+    return std::abs(cross(join.tangent, chord)) > (is_exact ? 0.0 : std::sin(smooth_turn) * chord.norm());
+  };
+  return !deviates(a) && !deviates(b);
+}
+
+// The same for one quadratic, between rails if there are such: the tangents leave it no freedom. None joins rails that
+// do not meet between them.
+double Search::quadratic_error(int i, int j, const Join* start, const Join* end) {
   const auto& samples = task_.stretch.samples;
-  const Sample& a = samples[at(i)];
-  const Sample& b = samples[at(j)];
+  Sample a = samples[at(i)];
+  Sample b = samples[at(j)];
+  if (start != nullptr) a.tangent = start->tangent;
+  if (end != nullptr) b.tangent = end->tangent;
   const Point chord = b.place - a.place;
   const double sine = cross(a.tangent, b.tangent);
   const double ahead = cross(chord, b.tangent) / sine;
   const double behind = cross(a.tangent, chord) / sine;
   const double arc = b.s - a.s;
   const bool meets = std::abs(sine) > 1e-3 && ahead > 0.0 && behind > 0.0 && ahead < arc && behind < arc;
+  if (!meets && start != nullptr && end != nullptr && !is_straight_between(*start, *end)) return never;
   const Point handle = meets ? Point(a.place + ahead * a.tangent) : Point(0.5 * (a.place + b.place));
   constexpr int most = 14;
   const int step = 1 + (j - i - 1) / most;
@@ -354,7 +384,7 @@ Search::Span Search::quadratic_span(int i, int j) {
     worst = std::max(worst, e.norm());
     work_ += 1;
   }
-  return {worst, 0.0, 0.0};
+  return worst;
 }
 
 // A chain to start from: every piece as good as it can be alone.
@@ -439,6 +469,7 @@ std::vector<std::vector<double>> Search::span_errors(double hopeless) {
       back = std::abs(back) < std::abs(turned) ? 0.0 : back + turned;
     }
   }
+  const bool is_quadratic = settings_.options.curve == CurveKind::Quadratic;
   std::vector<std::vector<double>> error(at(round));
   std::vector<char> is_must(samples.size(), 0);
   for (const Task::Must& must : task_.musts) is_must[at(must.sample)] = 1;
@@ -447,7 +478,7 @@ std::vector<std::vector<double>> Search::span_errors(double hopeless) {
     for (int j = i + 1; j < (task_.rotates ? i + round : count); ++j) {
       const double turned = turn[at(candidate(j))] - turn[at(candidate(i))];
       if (turned > 4.0 && j > i + 1) break;
-      const bool is_straight = j == i + 1 && turned < 0.02;
+      const bool is_straight = !is_quadratic && j == i + 1 && turned < 0.02;
       // Of curves that follow the source a solution wins much over single ones; those that cut through its waves are
       // as good as they can be.
       const bool cuts = task_.is_long && waves[at(candidate(j))] > waves[at(candidate(i))] + 1;
@@ -778,10 +809,18 @@ std::vector<Chain> Search::shortened(Chain chain) {
       int join;
     };
     std::vector<Removal> removals;
+    const auto rail = [&](int j) {
+      const Join& join = chain.joins[at(j == k && chain.is_closed ? 0 : j)];
+      return join.moves || join.is_corner ? nullptr : &join;
+    };
     for (int j = 1; j < k; ++j) {
       const Join& join = chain.joins[at(j)];
-      if (join.moves && !join.is_first)
-        removals.push_back({span_error(chain.breaks[at(j - 1)], chain.breaks[at(j + 1)]), j});
+      if (!join.moves || join.is_first) continue;
+      const int from = chain.breaks[at(j - 1)];
+      const int to = chain.breaks[at(j + 1)];
+      const bool is_quadratic = chain.kind == CurveKind::Quadratic;
+      removals.push_back(
+          {is_quadratic ? quadratic_error(from, to, rail(j - 1), rail(j + 1)) : span_error(from, to), j});
     }
     std::stable_sort(removals.begin(), removals.end(),
                      [](const Removal& a, const Removal& b) { return a.error < b.error; });

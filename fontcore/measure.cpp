@@ -430,7 +430,9 @@ class SegmentGrid {
       }
     }
   }
-  std::pair<Point, Point> ends(int i) const { return {polyline_.row(i), polyline_.row((i + 1) % polyline_.rows())}; }
+  std::pair<Point, Point> ends(int i) const {
+    return {polyline_.row(i), polyline_.row(i + 1 == polyline_.rows() ? 0 : i + 1)};
+  }
   int column(double x) const { return std::clamp(static_cast<int>((x - box_.low.x()) / cell_), 0, columns_ - 1); }
   int row(double y) const { return std::clamp(static_cast<int>((y - box_.low.y()) / cell_), 0, rows_ - 1); }
   const Points& polyline_;
@@ -446,26 +448,32 @@ Farthest one_sided_distance(const Points& from, const Points& to, double give_up
   const SegmentGrid grid(to);
   const int n = static_cast<int>(to.rows());
   double worst = 0.0;
-  Point where = from.row(0).transpose();
+  Eigen::Index where = 0;  // of points as far off the first
   SegmentGrid::Nearest near{0, 0.0};
-  for (Eigen::Index i = 0; i < from.rows(); ++i) {
+  const auto look = [&](Eigen::Index i) {
     const Point p = from.row(i).transpose();
+    const auto is_no_farther = [&](double squared) { return squared < worst || (squared == worst && i >= where); };
     // One that is no farther off than the worst needs no search: mostly, where the point before was nearest says so.
-    bool is_near = false;
     constexpr int beside = 3;
-    for (int k = 0; k <= 2 * beside && !is_near; ++k) {
-      const int segment = ((near.segment + (k % 2 == 0 ? k / 2 : -(k + 1) / 2)) % n + n) % n;
-      is_near = grid.squared_distance(p, segment) <= worst;
-      if (is_near) near.segment = segment;
+    for (int k = 0; k <= 2 * beside; ++k) {
+      int segment = near.segment + (k % 2 == 0 ? k / 2 : -(k + 1) / 2);
+      if (segment < 0 || segment >= n) segment = (segment % n + n) % n;
+      if (is_no_farther(grid.squared_distance(p, segment))) {
+        near.segment = segment;
+        return;
+      }
     }
-    if (is_near) continue;
     near = grid.nearest(p);
-    if (near.squared_distance <= worst) continue;
+    if (is_no_farther(near.squared_distance)) return;
     worst = near.squared_distance;
-    where = p;
-    if (std::sqrt(worst) > give_up_above) break;
-  }
-  return {std::sqrt(worst), where};
+    where = i;
+  };
+  // A few all round first: how far it is about.
+  constexpr Eigen::Index stride = 16;
+  const bool sees_all = give_up_above == std::numeric_limits<double>::infinity();
+  for (Eigen::Index i = 0; sees_all && i < from.rows(); i += stride) look(i);
+  for (Eigen::Index i = 0; i < from.rows() && !(std::sqrt(worst) > give_up_above); ++i) look(i);
+  return {std::sqrt(worst), from.row(where).transpose()};
 }
 
 // Vertices on the contour, so many that the polyline is within the sagitta of it.
