@@ -19,8 +19,6 @@ using Eigen::Index;
 constexpr int most_levels_beyond = 30;  // of the base: indices stay far from overflow
 
 Index floor_half(Index i) { return i >= 0 ? i / 2 : -((1 - i) / 2); }
-Index modulo(Index i, Index n) { return ((i % n) + n) % n; }
-
 // Fine rows first .. last of a wavelet, not taken modulo anything.
 struct Reach {
   Index first;
@@ -490,36 +488,28 @@ Point ArcwiseCurve::evaluate(double s) const {
   return arc.curve.evaluate(arc.parameter(s)).transpose();
 }
 
-namespace {
-
-// Every arc at the level for features longer than `scale`, at `count(arc, spans)` even steps from its start.
-template <typename Count>
-Points sample_arcs(const std::vector<ArcwiseCurve::Arc>& arcs, double scale, const Count& count) {
-  std::vector<Point> points;
-  for (const ArcwiseCurve::Arc& arc : arcs) {
-    const Coefficients control = arc.at_level(arc.level_of_scale(scale));
-    const auto spans = static_cast<double>(detail_count(arc.curve.scheme(), control.rows()));
-    const int steps = count(arc, spans);
-    for (int k = 0; k < steps; ++k) {
-      points.emplace_back(evaluate(arc.curve.scheme(), control, arc.parameter_at(spans * k / steps)));
-    }
+std::vector<Bezier> ArcwiseCurve::pieces(double scale, double tolerance) const {
+  std::vector<Bezier> all;
+  for (const Arc& arc : arcs_) {
+    const double level = arc.level_of_scale(scale);
+    const MultiresCurve shown = decompose(arc.curve.scheme(), arc.at_level(level), static_cast<int>(std::ceil(level)));
+    const CompressedCurve compressed = compress(shown, tolerance);
+    all.insert(all.end(), compressed.pieces.begin(), compressed.pieces.end());
   }
-  Points rows(static_cast<Index>(points.size()), 2);
-  for (std::size_t i = 0; i < points.size(); ++i) rows.row(static_cast<Index>(i)) = points[i].transpose();
-  return rows;
-}
-
-}  // namespace
-
-Points ArcwiseCurve::to_polyline(double scale, double step) const {
-  if (!(step > 0.0)) throw InvalidInput(text("ArcwiseCurve::to_polyline: step ", step, " is not positive"));
-  return sample_arcs(arcs_, scale, [&](const Arc& arc, double) {
-    return std::max(2, static_cast<int>(std::ceil(arc.length / step)));
-  });
+  return all;
 }
 
 Points ArcwiseCurve::span_ends(double scale) const {
-  return sample_arcs(arcs_, scale, [](const Arc&, double spans) { return static_cast<int>(spans); });
+  std::vector<Point> ends;
+  for (const Arc& arc : arcs_) {
+    const Coefficients control = arc.at_level(arc.level_of_scale(scale));
+    const Index spans = detail_count(arc.curve.scheme(), control.rows());
+    for (Index k = 0; k < spans; ++k)
+      ends.emplace_back(fontcore::evaluate(arc.curve.scheme(), control, arc.parameter_at(static_cast<double>(k))));
+  }
+  Points rows(static_cast<Index>(ends.size()), 2);
+  for (std::size_t i = 0; i < ends.size(); ++i) rows.row(static_cast<Index>(i)) = ends[i].transpose();
+  return rows;
 }
 
 void ArcwiseCurve::refine(int arc, double from, double to, int more) {

@@ -171,8 +171,10 @@ class ArcwiseCurve {
   /// The point at arc length s, of all arcs at their finest.
   Point evaluate(double s) const;
 
-  /// Every arc at the level for features longer than `scale`, sampled at about `step`: what there is to be shown.
-  Points to_polyline(double scale, double step) const;
+  /// Every arc at the level for features longer than `scale`, in as few pieces as a distance allows: what there is to
+  /// be shown.
+  /// Throws  as Arc::level_of_scale and `compress`.
+  std::vector<Bezier> pieces(double scale, double tolerance) const;
   /// Where the spans of that begin.
   Points span_ends(double scale) const;
 

@@ -19,10 +19,6 @@ constexpr double chord_share = 1.0 / 16.0;   // of epsilon: what bent ends may b
 constexpr double least_density = 1.0 / 8.0;  // share of t that a stretch has, against its share of length
 constexpr int places_of_length = 64;         // that a curve's length is estimated by
 
-double angle_between(const Point& a, const Point& b) {
-  return std::abs(std::atan2(a.x() * b.y() - a.y() * b.x(), a.dot(b)));
-}
-
 Points points_of(const Run& run) {
   Points points(static_cast<Index>(run.size()), 2);
   for (std::size_t i = 0; i < run.size(); ++i) points.row(static_cast<Index>(i)) = run[i].p;
@@ -222,14 +218,6 @@ SampledSplice with_room(const LinkedCurve& curve, const LinkedPolyline& polyline
   return result;
 }
 
-Box box_of(const Points& points, double margin) {
-  Box box;
-  for (Index i = 0; i < points.rows(); ++i) box.add(Point(points.row(i)));
-  box.low.array() -= margin;
-  box.high.array() += margin;
-  return box;
-}
-
 double distance_to_path(const Points& path, const Point& x) {
   Run run;
   for (Index i = 0; i < path.rows(); ++i) run.push_back({static_cast<double>(i), path.row(i)});
@@ -245,7 +233,7 @@ CurvePlace nearest_place(const LinkedCurve& curve, const Point& place) {
   centre.row(0) = place;
   for (double radius = 16.0 * curve.epsilon();; radius *= 4.0) {
     NearestPlace found{0.0, std::numeric_limits<double>::infinity()};
-    for (const Interval& interval : polyline.near(box_of(centre, radius))) {
+    for (const Interval& interval : polyline.near(box_around(centre, radius))) {
       const NearestPlace here = nearest(run_of(polyline, interval), place);
       if (here.distance < found.distance) found = here;
     }
@@ -522,7 +510,7 @@ LinkedCurve sketch(const std::vector<Points>& strokes, const SketchOptions& opti
   } else {
     const Point start = start_direction(line);
     const Point end = end_direction(line);
-    const bool is_corner = angle_between(end, start) > options.join_angle;
+    const bool is_corner = std::abs(angle(end, start)) > options.join_angle;
     const Tangent meeting{0.5 * (first + last), is_corner ? Point::Zero() : Point((start + end).normalized())};
     drawn.run = with_ends(drawn.run, meeting, meeting, blend, chord_share * linked.epsilon);
     drawn.run.pop_back();
@@ -577,7 +565,7 @@ LinkedCurve sketch_over(const LinkedCurve& curve, const std::vector<Points>& str
   DrawnRun drawn = drawn_run(stroke, replaced.from, replaced.from + length(replaced));
   const auto join = [&](double t, Side side, const Point& direction) {
     Tangent tangent{bezier.evaluate(t), bezier.tangent(t, side)};
-    if (angle_between(tangent.direction, direction) > options.join_angle) tangent.direction.setZero();
+    if (std::abs(angle(tangent.direction, direction)) > options.join_angle) tangent.direction.setZero();
     return tangent;
   };
   const Tangent start = join(replaced.from, Side::Left, start_direction(stroke.points));
@@ -599,7 +587,7 @@ LinkedCurve push(const LinkedCurve& curve, const Tip& tip, const Points& path) {
   const LinkedPolyline polyline = curve.polyline();
   LinkedPolyline pushed = polyline;
   IntervalSet changed;
-  for (Interval near : polyline.near(box_of(path, tip.extent()))) {
+  for (Interval near : polyline.near(box_around(path, tip.extent()))) {
     if (length(near) >= 1.0) {
       // Cut where it is farthest from the path: the ends of a run stay.
       double farthest = -1.0;
@@ -772,7 +760,7 @@ namespace {
 IntervalSet painted_of(const LinkedCurve& curve, const Points& path, double radius) {
   const LinkedPolyline& polyline = curve.polyline();
   IntervalSet found;
-  for (const Interval& interval : polyline.near(box_of(path, radius))) {
+  for (const Interval& interval : polyline.near(box_around(path, radius))) {
     found.add(painted(run_of(polyline, interval), path, radius));
   }
   return found;
@@ -856,7 +844,7 @@ LinkedCurve paste_detail(const LinkedCurve& curve, const DetailLibrary& library,
 IntervalSet select_lasso(const LinkedCurve& curve, const Points& lasso) {
   const LinkedPolyline& polyline = curve.polyline();
   IntervalSet found;
-  for (const Interval& interval : polyline.near(box_of(lasso, 0.0))) {
+  for (const Interval& interval : polyline.near(box_around(lasso))) {
     found.add(inside_lasso(run_of(polyline, interval), lasso));
   }
   return found;
@@ -865,7 +853,7 @@ IntervalSet select_lasso(const LinkedCurve& curve, const Points& lasso) {
 std::vector<double> select_across(const LinkedCurve& curve, const Points& stroke) {
   const LinkedPolyline& polyline = curve.polyline();
   std::vector<double> found;
-  for (const Interval& interval : polyline.near(box_of(stroke, 0.0))) {
+  for (const Interval& interval : polyline.near(box_around(stroke))) {
     for (const double t : crossed(run_of(polyline, interval), stroke)) found.push_back(wrapped(t));
   }
   std::sort(found.begin(), found.end());

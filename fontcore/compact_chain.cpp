@@ -52,6 +52,8 @@ Chain lay_chain(const Stretch& stretch, CurveKind kind, std::vector<Join> joins,
 ChainFit::ChainFit(const Stretch& stretch, Chain chain) : stretch_(stretch), chain_(std::move(chain)) {
   if (chain_.kind == CurveKind::Quadratic) place_quadratics();
   variables_ = count_variables();
+  blocked_.assign(at(variables_), 0);
+  if (chain_.kind == CurveKind::Quadratic) keep_in_order();
   const auto& samples = stretch.samples;
   const int first = chain_.breaks.front();
   const int last = chain_.breaks.back();
@@ -108,12 +110,6 @@ void ChainFit::place_quadratics() {
       by = {Point::UnitX(), Point::UnitY()};
     }
     chain_.top[at(i)] = base;
-  }
-  for (std::size_t j = 0; j < chain_.joins.size(); ++j) {
-    Join& join = chain_.joins[j];
-    if (!join.moves) continue;
-    const std::size_t before = j == 0 ? at(k - 1) : j - 1;
-    join.place = 0.5 * (chain_.top[before] + chain_.top[j]);
   }
 }
 
@@ -179,15 +175,11 @@ void ChainFit::find_entries(int piece, std::vector<Entry>& list) const {
 // The point of the chain nearest to every sample, by Newton's method from where it was; over joins into the next piece.
 template <int degree>
 double ChainFit::project(int newton) {
-  struct Polynomial {
-    double x[4];
-    double y[4];
-  };
   const int k = chain_.size();
-  std::vector<Polynomial> polynomials(at(k));
+  polynomials_.resize(at(k));
   for (int i = 0; i < k; ++i) {
     const Bezier b = chain_.piece(i);
-    Polynomial& q = polynomials[at(i)];
+    Polynomial& q = polynomials_[at(i)];
     for (int axis = 0; axis < 2; ++axis) {
       double* const c = axis == 0 ? q.x : q.y;
       const auto p = [&](std::size_t j) { return b.p[j][axis]; };
@@ -226,7 +218,7 @@ double ChainFit::project(int newton) {
     bool beyond = false;
     int hops = 0;
     for (int round = 0; round < newton + hops; ++round) {
-      const Polynomial& c = polynomials[at(piece)];
+      const Polynomial& c = polynomials_[at(piece)];
       const double ex = place(c.x, u) - q.x();
       const double ey = place(c.y, u) - q.y();
       const double dx = slope_at(c.x, u);
@@ -263,7 +255,7 @@ double ChainFit::project(int newton) {
     foot.is_active = !(before && (first.slides || first.is_cut)) && !(beyond && (last.slides || last.is_cut));
     foot.residual = 0.0;
     if (!foot.is_active) continue;
-    const Polynomial& c = polynomials[at(piece)];
+    const Polynomial& c = polynomials_[at(piece)];
     const double ex = place(c.x, u) - q.x();
     const double ey = place(c.y, u) - q.y();
     const double dx = slope_at(c.x, u);
@@ -294,7 +286,12 @@ void ChainFit::apply(const Eigen::VectorXd& step, double scale) {
       join.place.y() += scale * step[variable++];
     }
     if (join.slides) {
-      join.slid = std::clamp(join.slid + scale * step[variable++], join.slide_low, join.slide_high);
+      if (!cubic) blocked_[at(variable)] = 0;
+      const double to = join.slid + scale * step[variable];
+      join.slid = std::clamp(to, join.slide_low, join.slide_high);
+      if (!cubic && to >= join.slide_high) blocked_[at(variable)] = 1;
+      if (!cubic && to <= join.slide_low) blocked_[at(variable)] = -1;
+      ++variable;
       join.place = join.home + join.slid * join.rail;
     }
     if (join.turns && cubic) {
@@ -315,14 +312,58 @@ void ChainFit::apply(const Eigen::VectorXd& step, double scale) {
       chain_.in[at(i)] = moved(chain_.in[at(i)], variable + 1);
     } else {
       const auto& by = top_by_[at(i)];
+      for (std::size_t v = 0; v < by.size(); ++v) blocked_[at(variable) + v] = 0;
       for (std::size_t v = 0; v < by.size(); ++v)
         chain_.top[at(i)] += scale * step[variable + static_cast<int>(v)] * by[v];
     }
   }
-  if (cubic) return;
+  if (!cubic) keep_in_order();
+}
+
+// Along a rail a node stays behind the handle ahead of it, and ahead of the one behind: of a node and a handle that
+// slide along it the node goes first. At a corner the handle stays where it turns no more than it may. Nodes that move
+// are implied.
+void ChainFit::keep_in_order() {
+  const int k = chain_.size();
+  constexpr double at_bound = 1e-9;
+  for (int j = 0; j < static_cast<int>(chain_.joins.size()); ++j) {
+    Join& join = chain_.joins[at(j)];
+    if (join.moves) continue;
+    for (const bool is_ahead : {false, true}) {
+      if (!chain_.is_closed && (is_ahead ? j == k : j == 0)) continue;
+      const int piece = is_ahead ? j : j == 0 ? k - 1 : j - 1;
+      const double sense = is_ahead ? 1.0 : -1.0;
+      const auto& by = top_by_[at(piece)];
+      Point& top = chain_.top[at(piece)];
+      const double least = std::max(shortest_handle * chain_.arc[at(piece)], join.least_handle);
+      const Point handle = sense * (top - join.place);
+      if (join.is_corner) {
+        const double turn = angle(join.tangent, handle);
+        const double to = std::clamp(turn, join.turn_low, join.turn_high);
+        if (to == turn || by.empty()) continue;
+        const Point limit = std::cos(to) * join.tangent + std::sin(to) * left_of(join.tangent);
+        if (by.size() == 2) {
+          top = join.place + sense * std::max(least, handle.dot(limit)) * limit;
+        } else if (const double sine = cross(by[0], limit); std::abs(sine) > 0.1) {
+          top += cross(join.place - top, limit) / sine * by[0];
+        }
+        continue;
+      }
+      const double lacks = least - handle.dot(join.tangent);
+      if (!(lacks > -at_bound)) continue;
+      if (!by.empty()) {
+        top += sense * lacks * join.tangent;
+        blocked_[at(piece_variable_[at(piece)])] = is_ahead ? -1 : 1;
+      } else if (join.slides) {
+        join.slid = std::clamp(join.slid - sense * lacks, join.slide_low, join.slide_high);
+        join.place = join.home + join.slid * join.rail;
+        blocked_[at(join_variable_[at(j)])] = is_ahead ? 1 : -1;
+      }
+    }
+  }
   for (std::size_t j = 0; j < chain_.joins.size(); ++j) {
     if (!chain_.joins[j].moves) continue;
-    const std::size_t before = j == 0 ? at(chain_.size() - 1) : j - 1;
+    const std::size_t before = j == 0 ? at(k - 1) : j - 1;
     chain_.joins[j].place = 0.5 * (chain_.top[before] + chain_.top[j]);
   }
 }
@@ -408,6 +449,8 @@ bool ChainFit::solve(double distance, int rounds, Until until) {
     for (const Entry& e : follow[at(i)]) first[at(e.variable)] = std::min(first[at(e.variable)], least_variable);
   }
 
+  ProfileSystem system(first);
+  Eigen::VectorXd right(n);
   double bound_before = std::numeric_limits<double>::infinity();
   double least_before = least;
   int stalled = 0;
@@ -421,18 +464,29 @@ bool ChainFit::solve(double distance, int rounds, Until until) {
       sum_up<2>(sums, weights, squares);
     }
 
-    ProfileSystem system(first);
-    Eigen::VectorXd right = Eigen::VectorXd::Zero(n);
+    system.clear();
+    right.setZero();
     for (int i = 0; i < k; ++i) {
       if (round > 0 && cubic) find_entries(i, follow[at(i)]);  // those of quadratics stay
       const Sums& s = sums[at(i)];
       for (const Entry& e : follow[at(i)]) {
         right[e.variable] += e.by.x() * s.x[e.control] + e.by.y() * s.y[e.control];
+        double* const row = system.row(e.variable);
         for (const Entry& f : follow[at(i)]) {
           if (f.variable > e.variable) continue;
           const int c = pair_of[e.control][f.control];
-          system.entry(e.variable, f.variable) += e.by.x() * (f.by.x() * s.xx[c] + f.by.y() * s.xy[c]) +
-                                                  e.by.y() * (f.by.x() * s.xy[c] + f.by.y() * s.yy[c]);
+          row[f.variable] += e.by.x() * (f.by.x() * s.xx[c] + f.by.y() * s.xy[c]) +
+                             e.by.y() * (f.by.x() * s.xy[c] + f.by.y() * s.yy[c]);
+        }
+      }
+    }
+    if (!cubic) {
+      for (int v = 0; v < n; ++v) {
+        if (!(blocked_[at(v)] * right[v] > 0.0)) continue;
+        right[v] = 0.0;
+        for (int w = first[at(v)]; w < v; ++w) system.entry(v, w) = 0.0;
+        for (int w = v + 1; w < n; ++w) {
+          if (first[at(w)] <= v) system.entry(w, v) = 0.0;
         }
       }
     }
@@ -447,6 +501,12 @@ bool ChainFit::solve(double distance, int rounds, Until until) {
     const Eigen::VectorXd step = system.solve(right);
     const double bound = std::sqrt(std::max(0.0, squares - step.dot(right)) / std::max(weights, 1e-30));
     if (until == Until::Within) {
+      if (!cubic) {
+        // Near its solution the bound is one on the curve too; and what wins little in a while wins no more.
+        if (round > 0 && bound > 1.02 * distance && step.cwiseAbs().maxCoeff() < 0.5 * distance) break;
+        if (round > 4 && round % 4 == 0 && least > std::max(0.9 * least_before, 1.1 * distance)) break;
+        if (round % 4 == 0) least_before = least;
+      }
       if (round >= 6 && bound > distance && bound > 0.97 * bound_before) {
         if (++stalled > 1) break;
       } else {
@@ -669,17 +729,14 @@ ChainFit::Rounded ChainFit::rounded(const Point& fraction, double most_distance,
           {foot.residual, {weight[0] * n, weight[2] * n}, {weight[1] * n, Point(0.0, 0.0)}});
     }
   }
-  const auto shares = [&](int piece, const State& state, bool is_start) {
+  const auto add_shares = [&](int piece, const State& state, bool is_start, std::vector<double>& to) {
     const Bezier& b = pieces[at(piece)];
     const Point node = state.node - (is_start ? b.start() : b.end());
     const Point handle = is_start ? Point(state.out - b.p[1]) : Point(state.in - b.p[cubic ? 2 : 1]);
     const std::size_t end = is_start ? 0 : 1;
-    std::vector<double> moved;
-    moved.reserve(below[at(piece)].size());
     for (const Share& share : below[at(piece)]) {
-      moved.push_back(share.node[end].dot(node) + share.handle[end].dot(handle) + (is_start ? share.residual : 0.0));
+      to.push_back(share.node[end].dot(node) + share.handle[end].dot(handle) + (is_start ? share.residual : 0.0));
     }
-    return moved;
   };
 
   constexpr double never = std::numeric_limits<double>::infinity();
@@ -687,24 +744,29 @@ ChainFit::Rounded ChainFit::rounded(const Point& fraction, double most_distance,
     double worst = never;
     std::vector<int> choice;
   };
-  std::vector<std::vector<std::vector<double>>> cost(at(k));
+  std::vector<std::vector<double>> cost(at(k));  // of a piece, by the state at its start, then at its end
+  std::vector<double> starts;                    // shares, by state, then sample
+  std::vector<double> ends;
   for (int i = 0; i < k; ++i) {
     const auto& from = states[at(i)];
     const auto& to = states[at(chain_.next(i))];
-    std::vector<std::vector<double>> starts;
-    std::vector<std::vector<double>> ends;
-    for (const State& s : from) starts.push_back(shares(i, s, true));
-    for (const State& s : to) ends.push_back(shares(i, s, false));
+    const std::size_t count_below = below[at(i)].size();
+    starts.clear();
+    ends.clear();
+    for (const State& s : from) add_shares(i, s, true, starts);
+    for (const State& s : to) add_shares(i, s, false, ends);
     auto& table = cost[at(i)];
-    table.assign(from.size(), std::vector<double>(to.size(), never));
+    table.assign(from.size() * to.size(), never);
     for (std::size_t a = 0; a < from.size(); ++a) {
       for (std::size_t b = 0; b < to.size(); ++b) {
         if (!cubic && from[a].out != to[b].in) continue;
         double worst = 0.0;
-        for (std::size_t m = 0; m < starts[a].size() && worst <= most_distance; ++m)
-          worst = std::max(worst, std::abs(starts[a][m] + ends[b][m]));
+        const double* const start = starts.data() + a * count_below;
+        const double* const end = ends.data() + b * count_below;
+        for (std::size_t m = 0; m < count_below && worst <= most_distance; ++m)
+          worst = std::max(worst, std::abs(start[m] + end[m]));
         if (worst > most_distance) continue;
-        table[a][b] = worst;
+        table[a * to.size() + b] = worst;
       }
     }
   }
@@ -720,7 +782,7 @@ ChainFit::Rounded ChainFit::rounded(const Point& fraction, double most_distance,
       for (std::size_t a = 0; a < worst.size(); ++a) {
         if (worst[a] >= limit) continue;
         for (std::size_t b = 0; b < next.size(); ++b) {
-          const double here = std::max(worst[a], table[a][b]);
+          const double here = std::max(worst[a], table[a * next.size() + b]);
           if (here < next[b]) {
             next[b] = here;
             came[at(i)][b] = static_cast<int>(a);

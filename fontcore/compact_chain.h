@@ -39,6 +39,8 @@ struct Join {
   double turn_high = std::numeric_limits<double>::infinity();
   /// Whole numbers: what more a corner may turn, for handles end on whole numbers.
   double turn_slack = 0.0;
+  /// Quadratics on whole numbers: a handle shorter than this seldom lies along a rail that leans.
+  double least_handle = 0.0;
   /// The other end of the line that it slides along.
   bool has_line = false;
   Point line_end = Point::Zero();
@@ -115,6 +117,10 @@ class ChainFit {
     double x[4];
     double y[4];
   };
+  struct Polynomial {  // a piece by powers of its parameter
+    double x[4];
+    double y[4];
+  };
   struct Entry {  // how a control point follows a variable
     int variable;
     int control;
@@ -130,6 +136,7 @@ class ChainFit {
   void find_entries(int piece, std::vector<Entry>& list) const;
   void apply(const Eigen::VectorXd& step, double scale);
   void place_quadratics();
+  void keep_in_order();
 
   const Sample& sample(std::size_t foot) const { return stretch_.samples[static_cast<std::size_t>(from_) + foot]; }
 
@@ -141,7 +148,9 @@ class ChainFit {
   std::vector<int> piece_variable_;
   std::vector<Point> top_base_;  ///< quadratics: a handle is base + its directions times its variables
   std::vector<std::vector<Point>> top_by_;
+  std::vector<Polynomial> polynomials_;  ///< by piece, when last projected on
   int variables_ = 0;
+  std::vector<int> blocked_;  ///< per variable: the bound that it is at: above 1, below -1, else 0
   double worst_ = 0.0;
   long work_ = 0;
 };

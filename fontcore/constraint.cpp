@@ -71,9 +71,7 @@ Point unit(const char* rule, const std::string& what, const Point& direction) {
   return direction / size;
 }
 
-double cross(const Point& a, const Point& b) { return a.x() * b.y() - a.y() * b.x(); }
 bool is_reflection(const Affine& map) { return cross(map.linear.col(0), map.linear.col(1)) < 0.0; }
-Point left_of(const Point& direction) { return {-direction.y(), direction.x()}; }
 
 // Of a line, in degrees from 0 to below 180.
 double slant(const Point& direction) {

@@ -128,6 +128,10 @@ bool has_same_structure(const BezierContour& a, const BezierContour& b) {
   return a.structure_ == b.structure_ || a.kinds() == b.kinds();
 }
 
+bool has_same_structure(const std::vector<BezierContour>& a, const std::vector<BezierContour>& b) {
+  return std::ranges::equal(a, b, [](const auto& x, const auto& y) { return has_same_structure(x, y); });
+}
+
 bool operator==(const BezierContour& a, const BezierContour& b) {
   return has_same_structure(a, b) && a.points() == b.points();
 }

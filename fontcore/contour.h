@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <memory>
 #include <vector>
@@ -10,6 +11,13 @@ namespace fontcore {
 
 using Point = Eigen::Vector2d;
 using Points = Eigen::Matrix<double, Eigen::Dynamic, 2>;  ///< one point per row
+
+/// Twice the signed area of the triangle of two directions: positive if b lies to the left of a.
+inline double cross(const Point& a, const Point& b) { return a.x() * b.y() - a.y() * b.x(); }
+/// From one direction to another, in [-pi, pi], positive to the left.
+inline double angle(const Point& a, const Point& b) { return std::atan2(cross(a, b), a.dot(b)); }
+/// A direction turned to the left by a right angle.
+inline Point left_of(const Point& direction) { return {-direction.y(), direction.x()}; }
 
 /// What a point of a contour is. An implied node is the midpoint of the two quadratic handles beside it, not a point of
 /// its own (TrueType): it is listed so that every segment has its ends, and it follows its handles.
@@ -119,6 +127,7 @@ class BezierContour {
 
 /// Whether two contours have the same kinds of points in the same order.
 bool has_same_structure(const BezierContour& a, const BezierContour& b);
+bool has_same_structure(const std::vector<BezierContour>& a, const std::vector<BezierContour>& b);
 
 /// Bit for bit the same points and kinds.
 bool operator==(const BezierContour& a, const BezierContour& b);

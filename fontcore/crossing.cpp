@@ -41,8 +41,6 @@ constexpr double orientation_error = 3.3306690738754716e-16;
 // of.
 constexpr double distinct = 1e-9;
 
-double cross(const Point& a, const Point& b) { return a.x() * b.y() - a.y() * b.x(); }
-
 /// Exact: most signs are certain in doubles, CGAL decides the others.
 CGAL::Orientation side(const Point& from, const Point& to, const Point& x) {
   const double left = (to.x() - from.x()) * (x.y() - from.y());
@@ -179,7 +177,7 @@ bool spans(const Bezier& b, const Bezier& a, double margin) {
   const Point chord = a.end() - a.start();
   const double length = chord.norm();
   if (length == 0.0) return false;
-  const Point normal = Point(-chord.y(), chord.x()) / length;
+  const Point normal = left_of(chord) / length;
   double low = 0.0;
   double high = 0.0;
   for (std::size_t k = 1; k + 1 < count(a); ++k) {
@@ -225,7 +223,7 @@ bool meet_once_at_most(const Bezier& a, const Bezier& b) {
 bool have_parted_cones(const Bezier& a, const Bezier& b, double margin) {
   const Point joint = a.start();
   const Point way = b.end() - a.end();
-  const Point across = joint + Point(-way.y(), way.x());
+  const Point across = joint + left_of(way);
   const auto all_on = [&](const Bezier& curve, CGAL::Orientation wanted) {
     for (std::size_t k = 1; k < count(curve); ++k) {
       if (side(joint, across, curve.p[k]) != wanted && curve.p[k] != joint) return false;

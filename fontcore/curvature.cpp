@@ -24,7 +24,7 @@ double curvature(const Bezier& bezier, double u) {
   const Point first = p[2] - 2.0 * p[1] + p[0];
   Point bend = 2.0 * first;
   if (bezier.degree == 3) bend = 6.0 * ((1.0 - u) * first + u * (p[3] - 2.0 * p[2] + p[1]));
-  return (d.x() * bend.y() - d.y() * bend.x()) / (speed * speed * speed);
+  return cross(d, bend) / (speed * speed * speed);
 }
 
 std::vector<std::vector<CombTooth>> curvature_comb(const OutlineArcs& outline, double step) {
@@ -41,7 +41,7 @@ std::vector<std::vector<CombTooth>> curvature_comb(const OutlineArcs& outline, d
         const Point tangent = k == 0       ? start_tangent(b)
                               : k == count ? end_tangent(b)
                                            : Point(derivative(b, u).normalized());
-        comb.push_back({evaluate(b, u), Point(-tangent.y(), tangent.x()), curvature(b, u)});
+        comb.push_back({evaluate(b, u), left_of(tangent), curvature(b, u)});
       }
     }
     if (!outline.has_corner()) comb.push_back(comb.front());

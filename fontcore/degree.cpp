@@ -45,10 +45,10 @@ std::vector<Bezier> cut_evenly(const Bezier& cubic, int count) {
 Point control_within(const Bezier& cubic, double distance) {
   const Point from = start_tangent(cubic);
   const Point to = end_tangent(cubic);
-  const double turn = from.x() * to.y() - from.y() * to.x();
+  const double turn = cross(from, to);
   const Point chord = cubic.end() - cubic.start();
-  const double along = chord.x() * to.y() - chord.y() * to.x();
-  const double back = from.x() * chord.y() - from.y() * chord.x();
+  const double along = cross(chord, to);
+  const double back = cross(from, chord);
   if (along * turn > 0.0 && back * turn > 0.0) {
     const Point meeting = cubic.start() + along / turn * from;
     // Two Bezier curves are at most three quarters of their largest inner control vector apart.
@@ -179,7 +179,7 @@ BezierContour straightened(const BezierContour& contour, const std::vector<bool>
   const auto is_on_line = [](const Point& a, const Point& b, const Point& p) {
     const Point d = b - a;
     const Point e = p - a;
-    return d.x() * e.y() - d.y() * e.x() == 0.0;
+    return cross(d, e) == 0.0;
   };
   const auto stays_at = [&](int s, int k) { return stays[static_cast<std::size_t>(contour.point_of(s, k))]; };
   std::vector<Bezier> segments;

@@ -270,7 +270,7 @@ OutlineArcs arcs_at_scale(const BezierContour& contour, double scale, const Outl
     const Point here = at(s);
     const Point before = here - at(s - half);
     const Point after = at(s + half) - here;
-    return std::abs(std::atan2(before.x() * after.y() - before.y() * after.x(), before.dot(after)));
+    return std::abs(angle(before, after));
   };
   const double sharpest = std::max(bend_at_scale, bend_of_all * 2.0 * std::numbers::pi * half / arcs.length());
   struct Cut {

@@ -46,8 +46,6 @@ constexpr std::array<double, 5> gauss_node = {0.046910077030668004, 0.2307653449
 constexpr std::array<double, 5> gauss_weight = {0.11846344252809454, 0.23931433524968324, 0.28444444444444444,
                                                 0.23931433524968324, 0.11846344252809454};
 
-Index wrapped(Index i, Index n) { return (i % n + n) % n; }
-
 // Fields of the finest level are kept as x, y pairs, so that a row of S serves both at once.
 VectorXd pairs_of(const Points& points) {
   VectorXd pairs(2 * points.rows());
@@ -65,7 +63,7 @@ void area_gradient_into(const VectorXd& x, VectorXd& gradient) {
   };
   for (Index i = 2; i < n - 2; ++i) at(i, i - 2, i - 1, i + 1, i + 2);
   for (const Index i : {Index{0}, Index{1}, n - 2, n - 1}) {
-    at(i, wrapped(i - 2, n), wrapped(i - 1, n), wrapped(i + 1, n), wrapped(i + 2, n));
+    at(i, modulo(i - 2, n), modulo(i - 1, n), modulo(i + 1, n), modulo(i + 2, n));
   }
 }
 
@@ -141,7 +139,7 @@ SparseRows refinement(Index size) {
   for (Index j = 0; j < size; ++j) {
     const FilterColumn column = scaling_column(Scheme::Chaikin, size, j);
     for (std::size_t k = 0; k < column.values.size(); ++k) {
-      entries.emplace_back(wrapped(column.first + static_cast<Index>(k), 2 * size), j, column.values[k]);
+      entries.emplace_back(modulo(column.first + static_cast<Index>(k), 2 * size), j, column.values[k]);
     }
   }
   SparseRows P(2 * size, size);
@@ -153,7 +151,7 @@ SparseRows refinement(Index size) {
 SparseRows corner_means(Index size, const std::vector<int>& corner_pairs) {
   std::vector<Index> partner(static_cast<std::size_t>(size), -1);
   for (const int i : corner_pairs) {
-    const Index next = wrapped(i + 1, size);
+    const Index next = modulo(i + 1, size);
     partner[static_cast<std::size_t>(i)] = next;
     partner[static_cast<std::size_t>(next)] = i;
   }
@@ -174,7 +172,7 @@ SparseRows detail_filter(Index size) {
   for (Index i = 0; i < size / 2; ++i) {
     constexpr std::array<double, 4> filter = {0.25, -0.75, 0.75, -0.25};
     for (Index k = 0; k < 4; ++k) {
-      entries.emplace_back(i, wrapped(2 * i - 2 + k, size), filter[static_cast<std::size_t>(k)]);
+      entries.emplace_back(i, modulo(2 * i - 2 + k, size), filter[static_cast<std::size_t>(k)]);
     }
   }
   SparseRows B(size / 2, size);
@@ -346,7 +344,7 @@ void DragSolver::State::begin_subspace(const std::vector<int>& corner_pairs, Spa
   for (Index h = 0; h < count; ++h) {
     const DragHandle& handle = handles[static_cast<std::size_t>(h)];
     if (!std::isfinite(handle.t)) throw InvalidInput(text("DragSolver: handle ", h, " is at parameter ", handle.t));
-    const Index nearest = wrapped(static_cast<Index>(std::floor(coarser_parameter(handle.t, down) + 0.5)), level_size);
+    const Index nearest = modulo(static_cast<Index>(std::floor(coarser_parameter(handle.t, down) + 0.5)), level_size);
     auto& weights = handle_weights.emplace_back();
     if (handle.grip == Grip::Curve) {
       pulls.col(h) = from_level(pull(options.scheme, size(), finest, handle.t, options.level), level).coarse;
@@ -368,7 +366,7 @@ void DragSolver::State::begin_subspace(const std::vector<int>& corner_pairs, Spa
         VectorXd finer = VectorXd::Zero(2 * row.size());
         for (Index i = 0; i < row.size(); ++i) {
           for (Index k = 0; k < 4; ++k) {
-            finer[wrapped(2 * i - 2 + k, finer.size())] += filter[static_cast<std::size_t>(k)] * row[i];
+            finer[modulo(2 * i - 2 + k, finer.size())] += filter[static_cast<std::size_t>(k)] * row[i];
           }
         }
         row = std::move(finer);
@@ -378,7 +376,7 @@ void DragSolver::State::begin_subspace(const std::vector<int>& corner_pairs, Spa
       }
     }
     for (Index i = 0; i < level_size; ++i) {
-      const Index away = std::min(wrapped(i - nearest, level_size), wrapped(nearest - i, level_size));
+      const Index away = std::min(modulo(i - nearest, level_size), modulo(nearest - i, level_size));
       if (pulls(i, h) != 0.0 || away <= options.neighbours.value_or(0)) takes_part[static_cast<std::size_t>(i)] = true;
     }
   }
@@ -945,7 +943,7 @@ void add_residual(const OutlineCurve& curve, VectorXd& form) {
   std::vector<std::vector<double>> cuts(static_cast<std::size_t>(n));  // of every piece, where segments meet inside it
   for (const OutlineCurve::Node& node : curve.nodes()) {
     if (node.is_knot) continue;
-    const Index piece = wrapped(static_cast<Index>(std::floor(node.t + 0.5)), n);
+    const Index piece = modulo(static_cast<Index>(std::floor(node.t + 0.5)), n);
     cuts[static_cast<std::size_t>(piece)].push_back(node.t + 0.5 - std::floor(node.t + 0.5));
   }
   for (Index i = 0; i < n; ++i) {
@@ -961,7 +959,7 @@ void add_residual(const OutlineCurve& curve, VectorXd& form) {
         const Point residual = gauss_weight[k] * width * (curve.outline_at(t) - curve.spline_at(t));
         const std::array<double, 3> slope = {u - 1.0, 1.0 - 2.0 * u, u};
         for (Index p = 0; p < 3; ++p) {
-          const Index j = wrapped(i - 1 + p, n);
+          const Index j = modulo(i - 1 + p, n);
           form[2 * j] -= slope[static_cast<std::size_t>(p)] * residual.y();
           form[2 * j + 1] += slope[static_cast<std::size_t>(p)] * residual.x();
         }

@@ -21,9 +21,6 @@ using Eigen::Index;
 
 constexpr double on_boundary = 1e-12;  // of a tip's extent: what rounding leaves of a point put on it
 
-double cross(const Point& a, const Point& b) { return a.x() * b.y() - a.y() * b.x(); }
-Point left_of(const Point& direction) { return {-direction.y(), direction.x()}; }
-
 std::size_t at(Index index) { return static_cast<std::size_t>(index); }
 
 double distance_to_edge(const Point& x, const Point& a, const Point& b) {
@@ -154,7 +151,7 @@ Tip::Tip(TipShape shape) : shape_(std::move(shape)) {
                           for (std::size_t i = 0; i < n; ++i) {
                             const Point& a = polygon.corners[i];
                             const Point& b = polygon.corners[(i + 1) % n];
-                            turned += std::atan2(cross(a, b), a.dot(b));
+                            turned += angle(a, b);
                           }
                           if (turned > 3.0 * std::numbers::pi) {
                             throw InvalidInput("Tip: a polygon that runs round its place more than once");
@@ -490,7 +487,7 @@ double turn_at(const Points& line, const Eigen::VectorXd& lengths, double s, dou
   const Point in = here - point_along(line, lengths, s - reach);
   const Point out = point_along(line, lengths, s + reach) - here;
   if (in.isZero(0.0) || out.isZero(0.0)) return 0.0;
-  return std::abs(std::atan2(cross(in, out), in.dot(out)));
+  return std::abs(angle(in, out));
 }
 
 std::vector<int> corners_of(const Points& line, double angle, double reach) {
@@ -966,20 +963,12 @@ bool is_apart(const Box& box, const Point& a, const Point& b) {
          std::max(a.y(), b.y()) < box.low.y() || std::min(a.y(), b.y()) > box.high.y();
 }
 
-Box box_of(const Points& points) {
-  Box box;
-  for (Index i = 0; i < points.rows(); ++i) box.add(Point(points.row(i)));
-  return box;
-}
-
 }  // namespace
 
 IntervalSet painted(const Run& run, const Points& path, double radius) {
   if (!(radius > 0.0 && std::isfinite(radius))) throw InvalidInput(text("painted: a radius of ", radius));
   if (!path.allFinite()) throw InvalidInput("painted: a point is not finite");
-  Box box = box_of(path);
-  box.low.array() -= radius;
-  box.high.array() += radius;
+  const Box box = box_around(path, radius);
   IntervalSet found;
   for (std::size_t i = 0; i + 1 < run.size(); ++i) {
     const Sample& a = run[i];
@@ -996,7 +985,7 @@ IntervalSet painted(const Run& run, const Points& path, double radius) {
 IntervalSet inside_lasso(const Run& run, const Points& lasso) {
   if (lasso.rows() < 3) throw InvalidInput(text("inside_lasso: a lasso of ", lasso.rows(), " points"));
   if (!lasso.allFinite()) throw InvalidInput("inside_lasso: a point is not finite");
-  const Box box = box_of(lasso);
+  const Box box = box_around(lasso);
   IntervalSet found;
   std::vector<double> shares;
   for (std::size_t i = 0; i + 1 < run.size(); ++i) {
@@ -1020,7 +1009,7 @@ IntervalSet inside_lasso(const Run& run, const Points& lasso) {
 
 std::vector<double> crossed(const Run& run, const Points& stroke) {
   if (!stroke.allFinite()) throw InvalidInput("crossed: a point is not finite");
-  const Box box = box_of(stroke);
+  const Box box = box_around(stroke);
   std::vector<double> found;
   for (std::size_t i = 0; i + 1 < run.size(); ++i) {
     const Sample& a = run[i];

@@ -360,12 +360,6 @@ void Slabs::connect(std::vector<Cell> cells, double low, double high) {
 
 Point start_of(const BezierContour& contour) { return contour.point(contour.node(0)); }
 
-Box box_of(const std::vector<BezierContour>& contours) {
-  Box box;
-  for (const BezierContour& contour : contours) box.add(control_box(contour));
-  return box;
-}
-
 bool is_in(const Box& box, const Point& point) {
   return (point.array() >= box.low.array()).all() && (point.array() <= box.high.array()).all();
 }
@@ -435,7 +429,7 @@ Ink measure_ink(const std::vector<BezierContour>& contours, const CrossingOption
 Ink measure_ink(const std::vector<BezierContour>& contours, const std::vector<Crossing>& crossings,
                 const CrossingOptions& options) {
   if (crossings.empty()) return ink_of_apart(contours);
-  const Box box = box_of(contours);
+  const Box box = control_box(contours);
   const Point origin = 0.5 * (box.low + box.high);
   const Point size = box.high - box.low;
   const std::vector<Edge> edges = edges_of(contours, origin);
@@ -464,22 +458,14 @@ Ink measure_ink(const std::vector<BezierContour>& contours, const std::vector<Cr
 
 namespace {
 
-bool overlap(const Box& a, const Box& b) {
-  return (a.low.array() <= b.high.array()).all() && (b.low.array() <= a.high.array()).all();
-}
-
 // Pairs of segments compared to tell which contours meet: hundred times what the richest drawn glyphs take.
 constexpr std::int64_t most_orientation_work = 20'000'000;
 
 /// Whether contours meet; if that takes too much to tell, they may.
 bool may_meet(const BezierContour& a, const BezierContour& b) {
   const auto boxes_of = [](const BezierContour& contour) {
-    std::vector<Box> boxes(static_cast<std::size_t>(contour.segment_count()));
-    for (int s = 0; s < contour.segment_count(); ++s) {
-      const Bezier bezier = contour.segment(s);
-      for (int k = 0; k <= bezier.degree; ++k)
-        boxes[static_cast<std::size_t>(s)].add(bezier.p[static_cast<std::size_t>(k)]);
-    }
+    std::vector<Box> boxes;
+    for (int s = 0; s < contour.segment_count(); ++s) boxes.push_back(control_box(contour.segment(s)));
     return boxes;
   };
   const std::vector<Box> of_b = boxes_of(b);

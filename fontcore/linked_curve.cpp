@@ -495,8 +495,7 @@ LinkedCurve::LinkedCurve(const Polyline& polyline, const LinkedOptions& options)
   for (Eigen::Index i = 0; i < n; ++i) {
     const Point in = (polyline.points.row(i) - polyline.points.row((i + n - 1) % n)).transpose();
     const Point out = (polyline.points.row((i + 1) % n) - polyline.points.row(i)).transpose();
-    const double turn = std::atan2(in.x() * out.y() - in.y() * out.x(), in.dot(out));
-    if (std::abs(turn) > options.corner_angle) corners.push_back(polyline.t[static_cast<std::size_t>(i)]);
+    if (std::abs(angle(in, out)) > options.corner_angle) corners.push_back(polyline.t[static_cast<std::size_t>(i)]);
   }
   rules_ = std::make_shared<const Rules>(Rules{options, {}, {}, std::move(corners)});
   slots_.push_back({std::make_shared<const LinkedBezier>(), everything()});
@@ -846,16 +845,6 @@ void LinkedCurve::give_back_area(const LinkedCurve& before) {
 
 namespace {
 
-Box control_box(const Bezier& bezier) {
-  Box box;
-  for (int k = 0; k <= bezier.degree; ++k) box.add(bezier.p[static_cast<std::size_t>(k)]);
-  return box;
-}
-
-bool meet_boxes(const Box& a, const Box& b) {
-  return (a.low.array() <= b.high.array()).all() && (b.low.array() <= a.high.array()).all();
-}
-
 /// How often the curve meets itself where a box is, of pieces in or near the intervals.
 int meetings_near(const LinkedBezier& bezier, const std::vector<Interval>& intervals, const Box& box) {
   std::set<int> near;
@@ -864,7 +853,7 @@ int meetings_near(const LinkedBezier& bezier, const std::vector<Interval>& inter
   }
   for (const Interval& interval : bezier.near(box)) {
     for (const int index : bezier.pieces(interval)) {
-      if (meet_boxes(control_box(bezier.piece(index).bezier), box)) near.insert(index);
+      if (overlap(control_box(bezier.piece(index).bezier), box)) near.insert(index);
     }
   }
   // One contour of them all: from the end of one chain to the start of the next by way of places far outside, each in
@@ -1014,6 +1003,116 @@ LinkedCurve LinkedCurve::with_marks(std::optional<Interval> marks) const {
   return result;
 }
 
+namespace {
+
+using KnownNodes = std::vector<std::optional<double>>;  // t by node
+
+/// Of samples over t from 0 the place nearest to a point between two places, in any turn; half way if there is none.
+double nearest_place(const std::vector<Sample>& samples, const Point& p, double from, double to) {
+  double best = std::numeric_limits<double>::infinity();
+  double t = 0.5 * (from + to);
+  for (const double turn : {0.0, 1.0, 2.0}) {
+    for (const Sample& sample : samples) {
+      const double at = sample.t + turn;
+      if (at > from && at < to && (sample.p - p).squaredNorm() < best) {
+        best = (sample.p - p).squaredNorm();
+        t = at;
+      }
+    }
+  }
+  return t;
+}
+
+/// Gives corners that no node is known to lie at to the nearest node that has no place yet.
+void place_corners(const LinkedBezier& old, const std::vector<double>& corners, const BezierContour& contour,
+                   double tolerance, KnownNodes& node) {
+  const auto is_known = [&](double t) {
+    return std::any_of(node.begin(), node.end(), [t](const std::optional<double>& known) {
+      return known && std::abs(unwrapped(*known - t, -0.5)) < same_place;
+    });
+  };
+  for (const double corner : corners) {
+    if (is_known(corner)) continue;  // the end of a kept piece
+    const Point p = old.evaluate(corner);
+    double best = 4.0 * std::max(tolerance, 1e-9);
+    std::optional<std::size_t> found;
+    for (int s = 0; s < contour.segment_count(); ++s) {
+      const auto i = static_cast<std::size_t>(s);
+      const double off = (contour.segment(s).start() - p).norm();
+      if (!node[i] && off < best) {
+        best = off;
+        found = i;
+      }
+    }
+    if (found) node[*found] = corner;
+  }
+}
+
+/// t of all nodes round the contour from a known one on, others at the nearest place between: they rise unless the
+/// contour doubles back on itself.
+std::vector<double> places_from(std::size_t first, const BezierContour& contour, const KnownNodes& node,
+                                const std::vector<Sample>& samples) {
+  const auto nearest = [&](const Point& p, double from, double to) { return nearest_place(samples, p, from, to); };
+  double last = *node[first];
+  const double end = last + 1.0;
+  std::vector<double> places;
+  for (std::size_t k = 0; k < node.size(); ++k) {
+    const std::size_t i = (first + k) % node.size();
+    if (k > 0) {
+      // The next one known bounds it, and those between share what is left.
+      std::size_t ahead = k;
+      double bound = end;
+      for (; ahead < node.size(); ++ahead) {
+        if (const auto& known = node[(first + ahead) % node.size()]) {
+          bound = unwrapped(*known, last);
+          break;
+        }
+      }
+      if (ahead == k) {
+        last = bound;
+      } else {
+        const double least = (bound - last) * 1e-3 / static_cast<double>(ahead - k + 1);
+        last = nearest(contour.segment(static_cast<int>(i)).start(), last + least,
+                       bound - least * static_cast<double>(ahead - k));
+      }
+    }
+    places.push_back(last);
+  }
+  return places;
+}
+
+/// The curve with runs of new pieces in place of what was there, so that what is kept is not touched at all; and where.
+std::pair<LinkedBezier, IntervalSet> with_new_runs(const LinkedBezier& old,
+                                                   const std::vector<LinkedBezier::Piece>& compact,
+                                                   const std::vector<bool>& is_kept) {
+  LinkedBezier next = old;
+  IntervalSet changed;
+  std::size_t begin = 0;
+  while (begin < compact.size() && !is_kept[begin]) ++begin;
+  if (begin == compact.size()) {
+    changed = everything();
+    next = old.replaced({compact.front().t, compact.front().t}, compact);
+  }
+  for (std::size_t k = begin; k < begin + compact.size() && !compact.empty() && begin < compact.size();) {
+    std::vector<LinkedBezier::Piece> run;
+    const std::size_t from = k;
+    for (; k < begin + compact.size() && !is_kept[k % compact.size()]; ++k) {
+      run.push_back(compact[k % compact.size()]);
+      if (k >= compact.size()) run.back().t += 1.0;
+    }
+    if (run.empty()) {
+      ++k;
+      continue;
+    }
+    const Interval interval{wrapped(compact[from % compact.size()].t), wrapped(compact[k % compact.size()].t)};
+    next = next.replaced(interval, run);
+    changed.add(interval);
+  }
+  return {std::move(next), std::move(changed)};
+}
+
+}  // namespace
+
 LinkedCurve LinkedCurve::compacted(double tolerance) const {
   if (!(tolerance >= 0.0) || !std::isfinite(tolerance)) {
     throw InvalidInput(text("LinkedCurve::compacted: tolerance ", tolerance));
@@ -1044,7 +1143,7 @@ LinkedCurve LinkedCurve::compacted(double tolerance) const {
   // Where nodes lie on t: those of kept pieces as before, corners at theirs, others at the nearest place between.
   const BezierContour& contour = fit.contour;
   const int n = contour.segment_count();
-  std::vector<std::optional<double>> node(static_cast<std::size_t>(n));
+  KnownNodes node(static_cast<std::size_t>(n));
   std::vector<int> piece_of(static_cast<std::size_t>(n), -1);
   for (std::size_t k = 0; k < fit.kept_at.size(); ++k) {
     const auto at = static_cast<std::size_t>(fit.kept_at[k]);
@@ -1053,108 +1152,29 @@ LinkedCurve LinkedCurve::compacted(double tolerance) const {
     node[at] = pieces[static_cast<std::size_t>(own)].t;
     node[(at + 1) % node.size()] = wrapped(old.end(own));
   }
-  const SampledSplice samples = old.sample(whole_curve, 0.1 * std::max(tolerance, 1e-3));
-  const auto nearest = [&](const Point& p, double from, double to) {
-    double best = std::numeric_limits<double>::infinity();
-    double t = 0.5 * (from + to);
-    for (const double turn : {0.0, 1.0, 2.0}) {
-      for (const Sample& sample : samples.samples) {
-        const double at = sample.t + turn;
-        if (at > from && at < to && (sample.p - p).squaredNorm() < best) {
-          best = (sample.p - p).squaredNorm();
-          t = at;
-        }
-      }
-    }
-    return t;
-  };
-  const auto is_known = [&](double t) {
-    return std::any_of(node.begin(), node.end(), [t](const std::optional<double>& known) {
-      return known && std::abs(unwrapped(*known - t, -0.5)) < same_place;
-    });
-  };
-  for (const double corner : rules_->corners) {
-    if (is_known(corner)) continue;  // the end of a kept piece
-    const Point p = old.evaluate(corner);
-    double best = 4.0 * std::max(tolerance, 1e-9);
-    std::optional<std::size_t> found;
-    for (int s = 0; s < n; ++s) {
-      const auto i = static_cast<std::size_t>(s);
-      const double off = (contour.segment(s).start() - p).norm();
-      if (!node[i] && off < best) {
-        best = off;
-        found = i;
-      }
-    }
-    if (found) node[*found] = corner;
-  }
-  // Round the contour from a node whose t is known; of none, from the place nearest to the first.
+  place_corners(old, rules_->corners, contour, tolerance, node);
+  const std::vector<Sample> samples = old.sample(whole_curve, 0.1 * std::max(tolerance, 1e-3)).samples;
   std::size_t first = 0;
   while (first < node.size() && !node[first]) ++first;
   if (first == node.size()) {
     first = 0;
-    node[0] = wrapped(nearest(contour.segment(0).start(), -1e-9, 1.0));
+    node[0] = wrapped(nearest_place(samples, contour.segment(0).start(), -1e-9, 1.0));
   }
+  const std::vector<double> places = places_from(first, contour, node, samples);
   std::vector<LinkedBezier::Piece> compact;
-  double last = *node[first];
-  const double end = last + 1.0;
-  for (std::size_t k = 0; k < node.size(); ++k) {
-    const std::size_t i = (first + k) % node.size();
-    if (k > 0) {
-      // The next one known bounds it, and those between share what is left.
-      std::size_t ahead = k;
-      double bound = end;
-      for (; ahead < node.size(); ++ahead) {
-        if (const auto& known = node[(first + ahead) % node.size()]) {
-          bound = unwrapped(*known, last);
-          break;
-        }
-      }
-      if (ahead == k) {
-        last = bound;
-      } else {
-        const double least = (bound - last) * 1e-3 / static_cast<double>(ahead - k + 1);
-        last = nearest(contour.segment(static_cast<int>(i)).start(), last + least,
-                       bound - least * static_cast<double>(ahead - k));
-      }
-    }
-    const int kept = piece_of[i];
-    if (kept >= 0) {
-      compact.push_back(pieces[static_cast<std::size_t>(kept)]);
-      compact.back().t = last;
-    } else {
-      compact.push_back({last, contour.segment(static_cast<int>(i))});
-    }
+  std::vector<bool> is_kept;
+  for (std::size_t k = 0; k < places.size(); ++k) {
+    const std::size_t i = (first + k) % places.size();
+    is_kept.push_back(piece_of[i] >= 0);
+    compact.push_back(is_kept.back() ? pieces[static_cast<std::size_t>(piece_of[i])]
+                                     : LinkedBezier::Piece{0.0, contour.segment(static_cast<int>(i))});
+    compact.back().t = places[k];
   }
   for (std::size_t k = 0; k < compact.size(); ++k) {
     const double next = k + 1 < compact.size() ? compact[k + 1].t : compact.front().t + 1.0;
     if (!(next > compact[k].t)) return *this;  // it doubled back on itself: no t for it
   }
-  // Run by run, so that what is kept is not touched at all.
-  LinkedBezier next = old;
-  IntervalSet changed;
-  const auto is_kept = [&](std::size_t k) { return piece_of[(first + k) % node.size()] >= 0; };
-  std::size_t begin = 0;
-  while (begin < compact.size() && !is_kept(begin)) ++begin;
-  if (begin == compact.size()) {
-    changed = everything();
-    next = old.replaced({compact.front().t, compact.front().t}, compact);
-  }
-  for (std::size_t k = begin; k < begin + compact.size() && !compact.empty() && begin < compact.size();) {
-    std::vector<LinkedBezier::Piece> run;
-    const std::size_t from = k;
-    for (; k < begin + compact.size() && !is_kept(k % compact.size()); ++k) {
-      run.push_back(compact[k % compact.size()]);
-      if (k >= compact.size()) run.back().t += 1.0;
-    }
-    if (run.empty()) {
-      ++k;
-      continue;
-    }
-    const Interval interval{wrapped(compact[from % compact.size()].t), wrapped(compact[k % compact.size()].t)};
-    next = next.replaced(interval, run);
-    changed.add(interval);
-  }
+  auto [next, changed] = with_new_runs(old, compact, is_kept);
   LinkedCurve result = *this;
   result.slots_[bezier_slot].form = std::make_shared<const LinkedBezier>(std::move(next));
   for (std::size_t i = 0; i < slots_.size(); ++i) {

@@ -18,8 +18,6 @@ constexpr Index closed_spans = 8;  // of level 0
 constexpr Index open_spans = 1;
 constexpr int finest = 24;  // spans of a millionth of the coarsest ones
 
-Index modulo(Index index, Index size) { return ((index % size) + size) % size; }
-
 }  // namespace
 
 /// One arc while it is fitted.

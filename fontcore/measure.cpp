@@ -10,8 +10,6 @@ namespace fontcore {
 
 namespace {
 
-double cross(const Point& a, const Point& b) { return a.x() * b.y() - a.y() * b.x(); }
-
 Bezier shifted(Bezier bezier, const Point& origin) {
   for (auto& p : bezier.p) p -= origin;
   return bezier;
@@ -217,21 +215,55 @@ void Box::add(const Box& box) {
   high = high.cwiseMax(box.high);
 }
 
+bool overlap(const Box& a, const Box& b) {
+  return (a.low.array() <= b.high.array()).all() && (b.low.array() <= a.high.array()).all();
+}
+
+Box box_around(const Points& points, double margin) {
+  Box box;
+  for (Eigen::Index i = 0; i < points.rows(); ++i) box.add(Point(points.row(i)));
+  box.low.array() -= margin;
+  box.high.array() += margin;
+  return box;
+}
+
+Box control_box(const Bezier& bezier) {
+  Box box;
+  for (int k = 0; k <= bezier.degree; ++k) box.add(bezier.p[static_cast<std::size_t>(k)]);
+  return box;
+}
+
 Box control_box(const BezierContour& contour) {
   Box box;
   for (int i = 0; i < contour.point_count(); ++i) box.add(contour.point(i));
   return box;
 }
 
+Box control_box(const std::vector<BezierContour>& contours) {
+  Box box;
+  for (const BezierContour& contour : contours) box.add(control_box(contour));
+  return box;
+}
+
+Box tight_box(const Bezier& bezier) {
+  Box box;
+  box.add(bezier.start());
+  box.add(bezier.end());
+  for (int axis = 0; axis < 2; ++axis) {
+    for (const double u : extrema(bezier, axis)) box.add(evaluate(bezier, u));
+  }
+  return box;
+}
+
 Box tight_box(const BezierContour& contour) {
   Box box;
-  for (int s = 0; s < contour.segment_count(); ++s) {
-    const Bezier bezier = contour.segment(s);
-    box.add(bezier.start());
-    for (int axis = 0; axis < 2; ++axis) {
-      for (const double u : extrema(bezier, axis)) box.add(evaluate(bezier, u));
-    }
-  }
+  for (int s = 0; s < contour.segment_count(); ++s) box.add(tight_box(contour.segment(s)));
+  return box;
+}
+
+Box tight_box(const std::vector<BezierContour>& contours) {
+  Box box;
+  for (const BezierContour& contour : contours) box.add(tight_box(contour));
   return box;
 }
 
@@ -274,7 +306,7 @@ std::vector<double> turning_angles(const BezierContour& contour) {
     const int before = solid[(k + solid.size() - 1) % solid.size()];
     const Point a = end_tangent(contour.segment(before));
     const Point b = start_tangent(contour.segment(solid[k]));
-    angles[static_cast<std::size_t>(solid[k])] = std::atan2(cross(a, b), a.dot(b));
+    angles[static_cast<std::size_t>(solid[k])] = angle(a, b);
   }
   return angles;
 }
@@ -414,7 +446,9 @@ class SegmentGrid {
       }
     }
   }
-  std::pair<Point, Point> ends(int i) const { return {polyline_.row(i), polyline_.row((i + 1) % polyline_.rows())}; }
+  std::pair<Point, Point> ends(int i) const {
+    return {polyline_.row(i), polyline_.row(i + 1 == polyline_.rows() ? 0 : i + 1)};
+  }
   int column(double x) const { return std::clamp(static_cast<int>((x - box_.low.x()) / cell_), 0, columns_ - 1); }
   int row(double y) const { return std::clamp(static_cast<int>((y - box_.low.y()) / cell_), 0, rows_ - 1); }
   const Points& polyline_;
@@ -430,26 +464,32 @@ Farthest one_sided_distance(const Points& from, const Points& to, double give_up
   const SegmentGrid grid(to);
   const int n = static_cast<int>(to.rows());
   double worst = 0.0;
-  Point where = from.row(0).transpose();
+  Eigen::Index where = 0;  // of points as far off the first
   SegmentGrid::Nearest near{0, 0.0};
-  for (Eigen::Index i = 0; i < from.rows(); ++i) {
+  const auto look = [&](Eigen::Index i) {
     const Point p = from.row(i).transpose();
+    const auto is_no_farther = [&](double squared) { return squared < worst || (squared == worst && i >= where); };
     // One that is no farther off than the worst needs no search: mostly, where the point before was nearest says so.
-    bool is_near = false;
     constexpr int beside = 3;
-    for (int k = 0; k <= 2 * beside && !is_near; ++k) {
-      const int segment = ((near.segment + (k % 2 == 0 ? k / 2 : -(k + 1) / 2)) % n + n) % n;
-      is_near = grid.squared_distance(p, segment) <= worst;
-      if (is_near) near.segment = segment;
+    for (int k = 0; k <= 2 * beside; ++k) {
+      int segment = near.segment + (k % 2 == 0 ? k / 2 : -(k + 1) / 2);
+      if (segment < 0 || segment >= n) segment = (segment % n + n) % n;
+      if (is_no_farther(grid.squared_distance(p, segment))) {
+        near.segment = segment;
+        return;
+      }
     }
-    if (is_near) continue;
     near = grid.nearest(p);
-    if (near.squared_distance <= worst) continue;
+    if (is_no_farther(near.squared_distance)) return;
     worst = near.squared_distance;
-    where = p;
-    if (std::sqrt(worst) > give_up_above) break;
-  }
-  return {std::sqrt(worst), where};
+    where = i;
+  };
+  // A few all round first: how far it is about.
+  constexpr Eigen::Index stride = 16;
+  const bool sees_all = give_up_above == std::numeric_limits<double>::infinity();
+  for (Eigen::Index i = 0; sees_all && i < from.rows(); i += stride) look(i);
+  for (Eigen::Index i = 0; i < from.rows() && !(std::sqrt(worst) > give_up_above); ++i) look(i);
+  return {std::sqrt(worst), from.row(where).transpose()};
 }
 
 // Vertices on the contour, so many that the polyline is within the sagitta of it.

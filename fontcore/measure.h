@@ -85,10 +85,18 @@ struct Box {
   void add(const Point& point);
   void add(const Box& box);
 };
-/// Box of all points, handles too.
+/// Whether two boxes share a point.
+bool overlap(const Box& a, const Box& b);
+/// Box of points, and of all that is no farther from them along an axis than the margin.
+Box box_around(const Points& points, double margin = 0.0);
+/// Box of all control points.
+Box control_box(const Bezier& bezier);
 Box control_box(const BezierContour& contour);
+Box control_box(const std::vector<BezierContour>& contours);
 /// Box of the curve itself.
+Box tight_box(const Bezier& bezier);
 Box tight_box(const BezierContour& contour);
+Box tight_box(const std::vector<BezierContour>& contours);
 
 /// Parameters strictly inside (0, 1) where a coordinate (axis 0: x, 1: y) is stationary, sorted.
 std::vector<double> extrema(const Bezier& bezier, int axis);

@@ -23,8 +23,6 @@ constexpr int most_degree = 5;
 using Weights = Eigen::Matrix<double, 1, Eigen::Dynamic, Eigen::RowMajor, 1, most_degree + 1>;
 using Local = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, most_degree + 1, most_degree + 1>;
 
-Index modulo(Index i, Index size) { return (i % size + size) % size; }
-
 Sparse from_triplets(Index rows, Index columns, const Triplets& triplets) {
   Sparse matrix(rows, columns);
   matrix.setFromTriplets(triplets.begin(), triplets.end());

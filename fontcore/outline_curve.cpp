@@ -413,7 +413,7 @@ double OutlineCurve::fit(int size, double tolerance) {
                             (controls.row(2) - controls.row(1)) * ((k + 0.5) / samples_per_piece);
       const Point e = error.row(k);
       const double speed = tangent.norm();
-      const double off = speed > tolerance ? std::abs(e.x() * tangent.y() - e.y() * tangent.x()) / speed : 0.0;
+      const double off = speed > tolerance ? std::abs(cross(e, tangent)) / speed : 0.0;
       worst = std::max(worst, off);
     }
   }

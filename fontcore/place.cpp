@@ -341,7 +341,7 @@ PlacedDetail learn_place(const OutlineArcs& plain, const OutlineArcs& edited, co
     detail.displacement.row(i) = held * move / units_per_em;
     const auto [segment, u] = plain.locate(start + s);
     const Point along = derivative(plain.contour().segment(segment), u).normalized();
-    const double off = std::abs(along.x() * move.y() - along.y() * move.x());
+    const double off = std::abs(cross(along, move));
     detail.faded = std::max(detail.faded, (1.0 - held) * off / units_per_em);
   }
   if (ink == InkSide::Left) return detail;

@@ -24,9 +24,15 @@ class ProfileSystem {
     entries_.assign(at(entries), 0.0);
   }
 
+  /// All entries 0 again.
+  void clear() { std::fill(entries_.begin(), entries_.end(), 0.0); }
+
   int size() const { return static_cast<int>(first_.size()); }
   /// Entry of a row and a column not beyond the diagonal, within the row.
   double& entry(int row, int column) { return entries_[at(begin_[at(row)] + column)]; }
+
+  /// A row, indexed by column.
+  double* row(int row) { return entries_.data() + begin_[at(row)]; }
 
   /// Replaces the matrix by its factors L D L'. False if a pivot is not positive.
   bool factor() {

@@ -48,8 +48,6 @@ const Choices& with_ceiling(std::size_t k) {
   return made[k];
 }
 
-double cross(const Point& a, const Point& b) { return a.x() * b.y() - a.y() * b.x(); }
-
 bool is_among(std::size_t k, const std::vector<std::size_t>& unknowns) {
   return std::find(unknowns.begin(), unknowns.end(), k) != unknowns.end();
 }

@@ -13,8 +13,6 @@ namespace {
 
 constexpr double parallel = 1e-9;  // sine of a turn below which tangents meet nowhere
 
-double cross(const Point& a, const Point& b) { return a.x() * b.y() - a.y() * b.x(); }
-
 // A segment seen from the corners at its ends.
 struct Leg {
   Bezier whole;

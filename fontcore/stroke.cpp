@@ -14,8 +14,6 @@ constexpr double upright = 0.35;         // radians off horizontal that the norm
 constexpr double opposite = 0.75;        // cosine between the sides of a stroke at least
 constexpr double touching = 1e-6;        // nearer than this a ray meets the edge it starts on
 
-double cross(const Point& a, const Point& b) { return a.x() * b.y() - a.y() * b.x(); }
-
 }  // namespace
 
 // Edges by the strips of the plane that they reach into: rays along an axis stay within one.

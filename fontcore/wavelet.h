@@ -36,6 +36,8 @@ constexpr int fewest(Scheme scheme) { return is_closed(scheme) ? 4 : degree(sche
 constexpr Eigen::Index detail_count(Scheme scheme, Eigen::Index size) {
   return is_closed(scheme) ? size : size - degree(scheme);
 }
+/// The row of a closed curve of `size` rows that an index, counted on or back round it, is of.
+constexpr Eigen::Index modulo(Eigen::Index index, Eigen::Index size) { return (index % size + size) % size; }
 /// How often `size` control points can be halved; 0 if not at all.
 int most_levels(Scheme scheme, Eigen::Index size);
 

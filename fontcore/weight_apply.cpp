@@ -287,7 +287,7 @@ class Application {
       const Point& before = shape_[edge.previous].normal;
       const double h = half[static_cast<std::size_t>(i)];
       const double h0 = half[static_cast<std::size_t>(edge.previous)];
-      const double turn = before.x() * n.y() - before.y() * n.x();
+      const double turn = cross(before, n);
       const Point sum = n + before;
       if (edge.is_corner && std::abs(turn) > 0.3) {
         offset.push_back(Point(h0 * n.y() - h * before.y(), before.x() * h - n.x() * h0) / turn);

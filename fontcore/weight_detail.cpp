@@ -26,7 +26,7 @@ Eigen::Matrix2d turn(const Point& from, const Point& to) {
   const Point a = from.stableNormalized();
   const Point b = to.stableNormalized();
   const double cosine = a.dot(b);
-  const double sine = a.x() * b.y() - a.y() * b.x();
+  const double sine = cross(a, b);
   if (cosine == 0.0 && sine == 0.0) return Eigen::Matrix2d::Identity();
   return (Eigen::Matrix2d() << cosine, -sine, sine, cosine).finished();
 }
@@ -115,7 +115,7 @@ class BaseOutline {
     const auto is_flat = [&](Eigen::Index i, Eigen::Index j) {
       const Point chord = at(j) - at(i);
       if (chord.norm() < 1e-9) return false;
-      const Point across = Point(-chord.y(), chord.x()).normalized();
+      const Point across = left_of(chord).normalized();
       for (Eigen::Index k = i + 1; k < j; ++k) {
         if (std::abs(across.dot(at(k) - at(i))) > flat * scale) return false;
       }

@@ -477,8 +477,8 @@ std::vector<Picture> draw_drifts(const AreaComparison& comparison, const std::st
     fontcore::Box box;
     box.add(Point(0.0, std::min(now.descender, -0.2 * now.units_per_em)));
     box.add(Point(now.glyphs[static_cast<std::size_t>(id)].advance, std::max(now.ascender, 0.7 * now.units_per_em)));
-    for (const BezierContour& contour : outline) box.add(fontcore::control_box(contour));
-    for (const BezierContour& contour : old) box.add(fontcore::control_box(contour));
+    box.add(control_box(outline));
+    box.add(control_box(old));
 
     // All panels as high; a glyph that is wider than that is smaller.
     constexpr double height = 220.0;

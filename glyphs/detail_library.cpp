@@ -134,7 +134,7 @@ fontcore::InkSide ink_side(const std::vector<BezierContour>& contours, std::size
   }
   const Bezier segment = contour.segment(longest);
   const Point along = derivative(segment, 0.5).normalized();
-  const Point left = 1e-3 * chord(longest) * Point(-along.y(), along.x());
+  const Point left = 1e-3 * chord(longest) * fontcore::left_of(along);
   const Point middle = evaluate(segment, 0.5);
   const auto winding = [&](const Point& place) {
     int sum = 0;

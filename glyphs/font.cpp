@@ -64,8 +64,7 @@ class Composer {
   }
 
   void spend_points(const BezierContour& contour) {
-    const auto& kinds = contour.kinds();
-    points_ += contour.point_count() - std::count(kinds.begin(), kinds.end(), PointKind::ImpliedNode);
+    points_ += stored_points(contour);
     if (points_ > max_composed_points) fail(text("more than ", max_composed_points, " points"));
   }
 
@@ -185,9 +184,7 @@ void check_composites(Font& font) {
       }
     }
     for (const BezierContour& contour : glyph.contours) {
-      const auto& kinds = contour.kinds();
-      extent[index(glyph.id)].points +=
-          contour.point_count() - std::count(kinds.begin(), kinds.end(), PointKind::ImpliedNode);
+      extent[index(glyph.id)].points += stored_points(contour);
       double& reach = extent[index(glyph.id)].reach;
       reach = std::max(reach, contour.points().cwiseAbs().maxCoeff());
     }
@@ -263,6 +260,16 @@ std::vector<int> first_alike(const Font& font) {
     result.push_back(first);
   }
   return result;
+}
+
+std::int64_t stored_points(const BezierContour& contour) {
+  return contour.point_count() - std::ranges::count(contour.kinds(), PointKind::ImpliedNode);
+}
+
+std::int64_t stored_points(const std::vector<BezierContour>& contours) {
+  std::int64_t points = 0;
+  for (const BezierContour& contour : contours) points += stored_points(contour);
+  return points;
 }
 
 std::int64_t drawn_points(const Font& font, const std::vector<int>& glyphs) {

@@ -127,6 +127,10 @@ void check_composites(Font& font);
 /// letters of several scripts and, if damaged, whole ranges by one outline.
 std::vector<int> first_alike(const Font& font);
 
+/// Points that a file holds; implied nodes follow from their handles.
+std::int64_t stored_points(const fontcore::BezierContour& contour);
+std::int64_t stored_points(const std::vector<fontcore::BezierContour>& contours);
+
 /// Points that the file stores for glyphs: outlines that are alike counted once, and never more than a quarter of the
 /// file's bytes, whatever a damaged one claims. What budgets of work are counted in.
 std::int64_t drawn_points(const Font& font, const std::vector<int>& glyphs);

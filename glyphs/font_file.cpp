@@ -280,6 +280,15 @@ std::vector<std::int64_t> sfnt_bytes(const Font& font, const Bytes& data, int fa
 
 }  // namespace
 
+void add_written(const WrittenFont& written, GlyphChange& change) {
+  if (const auto emptied = written.emptied.find(change.glyph); emptied != written.emptied.end())
+    change.refused = fontcore::text("comes out empty: ", emptied->second);
+  if (std::ranges::binary_search(written.dropped_instructions, change.glyph))
+    change.dropped.emplace_back("instructions: they were made for the points that were");
+  if (std::ranges::binary_search(written.dropped_hints, change.glyph))
+    change.dropped.emplace_back("hints: they were made for the points that were");
+}
+
 std::vector<std::int64_t> glyph_bytes(const Font& font) {
   return font.folder ? glif_bytes(font, *font.folder) : sfnt_bytes(font, *font.data, font.face_index);
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <map>
 #include <string>
@@ -67,6 +68,35 @@ void require_kind(const Font& font, const std::string& output);
 
 /// The font with the given glyphs' outlines replaced and nothing else changed, by `write_sfnt` or `write_ufo`.
 WrittenFont write_font(const Font& font, const EditedGlyphs& edited, const WriteOptions& options = {});
+
+/// What became of one glyph of an edited font.
+struct GlyphChange {
+  int glyph = 0;
+  std::string name;
+  std::string refused;  ///< why the glyph stays as it was, or comes out empty, though something was asked of it
+  bool changed = false;
+  double area_before = 0.0;
+  double area_after = 0.0;
+  int crossings_before = 0;
+  int crossings_after = 0;
+  int segments_before = 0;
+  int segments_after = 0;
+  std::vector<std::string> dropped;  ///< instructions or hints, and why
+  std::vector<std::string> notes;    ///< other remarks, a line each
+};
+/// Adds what writing the font has done to the glyph: whether it comes out empty, and what was dropped.
+void add_written(const WrittenFont& written, GlyphChange& change);
+
+/// What became of the glyphs of an edited font, by id.
+template <typename Change>
+struct GlyphChanges {
+  std::vector<Change> glyphs;
+
+  int changed() const { return static_cast<int>(std::ranges::count(glyphs, true, &Change::changed)); }
+  int refused() const {
+    return static_cast<int>(std::ranges::count_if(glyphs, [](const Change& one) { return !one.refused.empty(); }));
+  }
+};
 
 /// Bytes that every glyph takes in the file the font was read from, by glyph id: of its entry in `glyf`, of its
 /// charstring, of its file in a UFO. 0 where there is nothing, and in fonts with other outlines.

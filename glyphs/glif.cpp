@@ -338,7 +338,7 @@ bool is_smooth(const BezierContour& contour, int node) {
   const Point out = contour.point(after) - contour.point(node);
   constexpr double rounding = 0.5;       // of a coordinate, font units
   constexpr double largest_turn = 0.14;  // radians, where handles are so short that rounding alone would allow more
-  const double cross = in.x() * out.y() - in.y() * out.x();
+  const double cross = fontcore::cross(in, out);
   const double turn = std::atan2(std::abs(cross), in.dot(out));
   return in.norm() > 0.0 && out.norm() > 0.0 && turn < largest_turn &&
          std::abs(cross) <= rounding * (in.norm() + out.norm());

@@ -52,8 +52,7 @@ std::vector<BezierContour> outline_for(const Font& font, int glyph, Facts& facts
 ContourFacts facts_of(const BezierContour& contour, int units_per_em) {
   ContourFacts facts;
   facts.area = fontcore::signed_area(contour);
-  facts.points = static_cast<int>(std::count_if(contour.kinds().begin(), contour.kinds().end(),
-                                                [](auto kind) { return kind != fontcore::PointKind::ImpliedNode; }));
+  facts.points = static_cast<int>(stored_points(contour));
   facts.segments = contour.segment_count();
   facts.length = fontcore::length(contour);
   try {
@@ -163,66 +162,38 @@ std::string describe(const GlyphCrossings& in, const fontcore::Crossing& crossin
                         place(crossing.where));
 }
 
-std::string crossings_json(const Font& font, const std::vector<GlyphCrossings>& found) {
-  struct Check {
-    const char* key;
-    const char* description;
-    const char* rationale;
-    bool within;
-  };
-  constexpr std::array<Check, 2> checks{
-      Check{"glyphwave/contour_crosses_itself", "No contour meets itself.",
-            "A contour that crosses or touches itself is filled differently by different programs and breaks hinting, "
-            "interpolation and offsetting.",
-            true},
-      Check{"glyphwave/contours_cross", "No two contours of a glyph meet.",
-            "Overlapping contours are drawn with gaps or seams where a program does not fill by the non-zero rule.",
-            false}};
-  constexpr std::array<const char*, 4> statuses{"ERROR", "FAIL", "WARN", "PASS"};  // worst first
-  const auto is_worse = [&](const std::string& a, const std::string& b) {
-    return std::find(statuses.begin(), statuses.end(), a) < std::find(statuses.begin(), statuses.end(), b);
-  };
+Report crossings_report(const Font& font, const std::vector<GlyphCrossings>& found) {
   const auto place_json = [](const fontcore::Place& at) {
     return Json{{"contour", at.contour}, {"segment", at.segment}, {"u", at.u}};
   };
-
-  Json counts = Json::object();
-  for (const char* status : statuses) counts[status] = 0;
-  std::string worst = "PASS";
-  Json listed = Json::array();
-  for (const Check& check : checks) {
-    Json logs = Json::array();
-    std::string result = "PASS";
-    const auto log = [&](const std::string& status, const std::string& message, const GlyphCrossings& glyph) -> Json& {
-      logs.push_back({{"status", status}, {"message", message}, {"glyph", glyph.name}, {"gid", glyph.glyph}});
-      if (is_worse(status, result)) result = status;
-      return logs.back();
-    };
-    for (const GlyphCrossings& glyph : found) {
-      // A glyph that cannot be read is said once.
-      if (check.within && !glyph.trouble.empty()) log("ERROR", glyph.name + ": " + glyph.trouble, glyph);
-      for (const fontcore::Crossing& crossing : glyph.crossings) {
-        if ((crossing.a.contour == crossing.b.contour) != check.within) continue;
-        Json& entry = log(crossing.meeting == Meeting::Contact ? "WARN" : "FAIL", describe(glyph, crossing), glyph);
-        entry["kind"] = kinds[static_cast<std::size_t>(crossing.meeting)];
-        entry["x"] = crossing.where.x();
-        entry["y"] = crossing.where.y();
-        entry["places"] = {place_json(crossing.a), place_json(crossing.b)};
-      }
+  Check within{"glyphwave/contour_crosses_itself", "No contour meets itself.",
+               "A contour that crosses or touches itself is filled differently by different programs and breaks "
+               "hinting, interpolation and offsetting.",
+               font.path};
+  Check between{"glyphwave/contours_cross", "No two contours of a glyph meet.",
+                "Overlapping contours are drawn with gaps or seams where a program does not fill by the non-zero rule.",
+                font.path};
+  for (const GlyphCrossings& glyph : found) {
+    const Json gid{{"gid", glyph.glyph}};
+    // A glyph that cannot be read is said once.
+    if (!glyph.trouble.empty())
+      within.findings.push_back({Status::Error, glyph.name + ": " + glyph.trouble, glyph.name, "", gid.dump()});
+    for (const fontcore::Crossing& crossing : glyph.crossings) {
+      Json more = gid;
+      more["kind"] = kinds[static_cast<std::size_t>(crossing.meeting)];
+      more["x"] = crossing.where.x();
+      more["y"] = crossing.where.y();
+      more["places"] = {place_json(crossing.a), place_json(crossing.b)};
+      Check& check = crossing.a.contour == crossing.b.contour ? within : between;
+      check.findings.push_back({crossing.meeting == Meeting::Contact ? Status::Warn : Status::Fail,
+                                describe(glyph, crossing), glyph.name, "", more.dump()});
     }
-    counts[result] = counts[result].get<int>() + 1;
-    if (is_worse(result, worst)) worst = result;
-    listed.push_back({{"key", check.key},
-                      {"description", check.description},
-                      {"rationale", check.rationale},
-                      {"severity", nullptr},
-                      {"result", result},
-                      {"filename", font.path},
-                      {"logs", std::move(logs)}});
   }
-  const Json json{{"result", counts},
-                  {"sections", Json::array({{{"key", "Outlines"}, {"result", worst}, {"checks", std::move(listed)}}})}};
-  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+  Report report;
+  report.section = "Outlines";
+  report.checks = {std::move(within), std::move(between)};
+  report.possible = {Status::Error, Status::Fail, Status::Warn, Status::Pass};
+  return report;
 }
 
 }  // namespace glyphs

@@ -6,6 +6,7 @@
 #include "fontcore/crossing.h"
 #include "glyphs/font.h"
 #include "glyphs/jobs.h"
+#include "glyphs/report.h"
 
 namespace glyphs {
 
@@ -56,10 +57,10 @@ std::vector<GlyphCrossings> check_crossings(const Font& font, const std::vector<
 /// One finding in words: "a: contour 0 crosses itself at (102, 33.5)".
 std::string describe(const GlyphCrossings& in, const fontcore::Crossing& crossing);
 
-/// The findings as JSON text in fontbakery's shape: one check within contours, one between them. A crossing is a FAIL,
-/// and so is an overlap, along which contours may change sides; a contact is a WARN. Every log holds beside its status
-/// and message `"glyph", "gid", "kind": "crossing" | "contact" | "overlap", "x", "y", "places": [{"contour", "segment",
-/// "u"}, ..]`; that of a glyph in trouble, an ERROR, ends with the gid.
-std::string crossings_json(const Font& font, const std::vector<GlyphCrossings>& found);
+/// The findings as a report, for `report_json`: one check within contours, one between them. A crossing is a FAIL, and
+/// so is an overlap, along which contours may change sides; a contact is a WARN, a glyph in trouble an ERROR. Every log
+/// ends with `"gid"` and, of what was found, `"kind": "crossing" | "contact" | "overlap", "x", "y", "places":
+/// [{"contour", "segment", "u"}, ..]`.
+Report crossings_report(const Font& font, const std::vector<GlyphCrossings>& found);
 
 }  // namespace glyphs

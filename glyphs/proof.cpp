@@ -1,8 +1,6 @@
 #include "glyphs/proof.h"
 
 #include <cairo-pdf.h>
-#include <cairo-svg.h>
-#include <cairo.h>
 
 #include <algorithm>
 #include <array>
@@ -20,6 +18,7 @@
 #include "fontcore/arcwise.h"
 #include "fontcore/curvature.h"
 #include "fontcore/measure.h"
+#include "glyphs/canvas.h"
 #include "glyphs/error.h"
 
 namespace glyphs {
@@ -32,11 +31,6 @@ using fontcore::BezierContour;
 using fontcore::Box;
 using fontcore::Point;
 
-struct Colour {
-  double red = 0.0;
-  double green = 0.0;
-  double blue = 0.0;
-};
 constexpr Colour ink_colour{0.16, 0.16, 0.18};
 constexpr Colour went_colour{0.86, 0.13, 0.11};
 constexpr Colour came_colour{0.13, 0.36, 0.92};
@@ -205,61 +199,12 @@ struct Scene {
   std::vector<Item> items;
 };
 
-template <auto destroy>
-struct Destroy {
-  template <typename T>
-  void operator()(T* object) const {
-    destroy(object);
-  }
-};
-using SurfaceHandle = std::unique_ptr<cairo_surface_t, Destroy<cairo_surface_destroy>>;
-using ContextHandle = std::unique_ptr<cairo_t, Destroy<cairo_destroy>>;
-
-/// How far a flattened curve may lie from the curve, pixels: below what 8-bit coverage shows.
-constexpr double flattening = 0.01;
-
-/// From its start, where the path is.
-void add_curve(cairo_t* context, const Bezier& b) {
-  const std::array<Point, 4>& p = b.p;
-  if (b.degree == 1) {
-    cairo_line_to(context, p[1].x(), p[1].y());
-  } else if (b.degree == 2) {  // raised to a cubic, which is exact
-    const Point out = (p[0] + 2.0 * p[1]) / 3.0;
-    const Point in = (2.0 * p[1] + p[2]) / 3.0;
-    cairo_curve_to(context, out.x(), out.y(), in.x(), in.y(), p[2].x(), p[2].y());
-  } else {
-    cairo_curve_to(context, p[1].x(), p[1].y(), p[2].x(), p[2].y(), p[3].x(), p[3].y());
-  }
-}
-
 Bezier moved(Bezier b, const Affine& map) {
   for (Point& point : b.p) point = map(point);
   return b;
 }
 
-void add_path(cairo_t* context, const Inked& inked) {
-  for (const BezierContour& contour : *inked.contours) {
-    for (int s = 0; s < contour.segment_count(); ++s) {
-      const Bezier b = moved(contour.segment(s), inked.to_page);
-      if (s == 0) cairo_move_to(context, b.start().x(), b.start().y());
-      add_curve(context, b);
-    }
-    cairo_close_path(context);
-  }
-}
-
-ContextHandle start_drawing(cairo_surface_t* surface) {
-  ContextHandle context(cairo_create(surface));
-  cairo_set_fill_rule(context.get(), CAIRO_FILL_RULE_WINDING);
-  cairo_set_antialias(context.get(), CAIRO_ANTIALIAS_BEST);
-  cairo_set_tolerance(context.get(), flattening);
-  return context;
-}
-
-void check(cairo_status_t status) {
-  if (status != CAIRO_STATUS_SUCCESS)
-    throw FontWriteError(std::string("proof: cairo: ") + cairo_status_to_string(status));
-}
+void add_path(cairo_t* context, const Inked& inked) { glyphs::add_path(context, *inked.contours, inked.to_page); }
 
 /// Ink as 8-bit coverage; glyph upon glyph, as they would be printed.
 Coverage cover(const std::vector<Inked>& inked, int width, int height) {
@@ -269,7 +214,7 @@ Coverage cover(const std::vector<Inked>& inked, int width, int height) {
     add_path(context.get(), one);
     cairo_fill(context.get());
   }
-  check(cairo_status(context.get()));
+  check_drawing(cairo_status(context.get()));
   cairo_surface_flush(surface.get());
   Coverage coverage{width, height, {}};
   const unsigned char* data = cairo_image_surface_get_data(surface.get());
@@ -280,54 +225,33 @@ Coverage cover(const std::vector<Inked>& inked, int width, int height) {
   return coverage;
 }
 
-cairo_status_t append(void* bytes, const unsigned char* data, unsigned length) {
-  auto* target = static_cast<Bytes*>(bytes);
-  target->insert(target->end(), data, data + length);
-  return CAIRO_STATUS_SUCCESS;
-}
-
 /// A page that scenes are drawn on, kept in memory.
 class Page {
  public:
-  Page(ProofFormat format, double width, double height) : format_(format) {
-    const int columns = static_cast<int>(std::ceil(width));
-    const int rows = static_cast<int>(std::ceil(height));
-    if (format == ProofFormat::Png)
-      surface_.reset(cairo_image_surface_create(CAIRO_FORMAT_RGB24, columns, rows));
-    else if (format == ProofFormat::Pdf)
-      surface_.reset(cairo_pdf_surface_create_for_stream(append, &bytes_, columns, rows));
-    else
-      surface_.reset(cairo_svg_surface_create_for_stream(append, &bytes_, columns, rows));
+  Page(ProofFormat format, double width, double height) : canvas_(format, std::ceil(width), std::ceil(height)) {
     if (format == ProofFormat::Pdf) set_date();
-    context_ = start_drawing(surface_.get());
-    set_colour({1.0, 1.0, 1.0});
-    cairo_paint(context_.get());
   }
 
   void draw(const Fill& fill) {
-    set_colour(fill.colour);
-    for (const Inked& inked : fill.inked) {
-      add_path(context_.get(), inked);
-      cairo_fill(context_.get());
-    }
+    for (const Inked& inked : fill.inked) glyphs::fill(canvas_.context(), *inked.contours, inked.to_page, fill.colour);
   }
 
   void draw(const Overlay& overlay) {
-    if (format_ == ProofFormat::Png) {
+    if (canvas_.format() == ProofFormat::Png) {
       blend(overlay);
       return;
     }
     draw(Fill{overlay.before, went_colour});
     draw(Fill{overlay.after, came_colour});
-    cairo_save(context_.get());
-    for (const Inked& before : overlay.before) add_path(context_.get(), before);
-    cairo_clip(context_.get());
+    cairo_save(canvas_.context());
+    for (const Inked& before : overlay.before) add_path(canvas_.context(), before);
+    cairo_clip(canvas_.context());
     draw(Fill{overlay.after, ink_colour});
-    cairo_restore(context_.get());
+    cairo_restore(canvas_.context());
   }
 
   void draw(const Nodes& nodes) {
-    cairo_t* context = context_.get();
+    cairo_t* context = canvas_.context();
     cairo_set_line_width(context, 0.7);
     for (const BezierContour& contour : *nodes.inked.contours) {
       const auto place = [&](int index) { return nodes.inked.to_page(contour.point(index)); };
@@ -353,7 +277,7 @@ class Page {
   }
 
   void draw(const LevelCurves& level) {
-    cairo_t* context = context_.get();
+    cairo_t* context = canvas_.context();
     set_colour(level_colour);
     cairo_set_line_width(context, 1.2);
     for (const std::vector<Bezier>& curve : level.curves) {
@@ -369,7 +293,7 @@ class Page {
   }
 
   void draw(const Combs& combs) {
-    cairo_t* context = context_.get();
+    cairo_t* context = canvas_.context();
     set_colour(tooth_colour);
     cairo_set_line_width(context, 0.5);
     for (const auto& comb : combs.combs)
@@ -393,28 +317,21 @@ class Page {
   }
 
   void draw(const Ring& ring) {
-    cairo_set_line_width(context_.get(), 1.5);
+    cairo_set_line_width(canvas_.context(), 1.5);
     set_colour(crossing_colour);
-    cairo_arc(context_.get(), ring.where.x(), ring.where.y(), 6.0, 0.0, 2.0 * M_PI);
-    cairo_stroke(context_.get());
+    cairo_arc(canvas_.context(), ring.where.x(), ring.where.y(), 6.0, 0.0, 2.0 * M_PI);
+    cairo_stroke(canvas_.context());
   }
 
-  Bytes finish() {
-    check(cairo_status(context_.get()));
-    if (format_ == ProofFormat::Png) check(cairo_surface_write_to_png_stream(surface_.get(), append, &bytes_));
-    cairo_surface_finish(surface_.get());
-    check(cairo_surface_status(surface_.get()));
-    if (format_ == ProofFormat::Svg) forget_surface_number();
-    return std::move(bytes_);
-  }
+  Bytes finish() { return canvas_.finish(); }
 
  private:
-  void set_colour(const Colour& colour) { cairo_set_source_rgb(context_.get(), colour.red, colour.green, colour.blue); }
+  void set_colour(const Colour& colour) { glyphs::set_colour(canvas_.context(), colour); }
 
   void stroke(const Point& from, const Point& to) {
-    cairo_move_to(context_.get(), from.x(), from.y());
-    cairo_line_to(context_.get(), to.x(), to.y());
-    cairo_stroke(context_.get());
+    cairo_move_to(canvas_.context(), from.x(), from.y());
+    cairo_line_to(canvas_.context(), to.x(), to.y());
+    cairo_stroke(canvas_.context());
   }
 
   /// Pixel by pixel, so that an edge that did not move has no coloured fringe.
@@ -422,8 +339,8 @@ class Page {
     Box box = box_of(overlay.before);
     box.add(box_of(overlay.after));
     if (box.is_empty()) return;
-    const int columns = cairo_image_surface_get_width(surface_.get());
-    const int rows = cairo_image_surface_get_height(surface_.get());
+    const int columns = cairo_image_surface_get_width(canvas_.surface());
+    const int rows = cairo_image_surface_get_height(canvas_.surface());
     const int left = std::clamp(static_cast<int>(std::floor(box.low.x())), 0, columns);
     const int top = std::clamp(static_cast<int>(std::floor(box.low.y())), 0, rows);
     const int width = std::clamp(static_cast<int>(std::ceil(box.high.x())), 0, columns) - left;
@@ -433,9 +350,9 @@ class Page {
     const Coverage before = cover(shifted(overlay.before, to_corner), width, height);
     const Coverage after = cover(shifted(overlay.after, to_corner), width, height);
 
-    cairo_surface_flush(surface_.get());
-    unsigned char* data = cairo_image_surface_get_data(surface_.get());
-    const int stride = cairo_image_surface_get_stride(surface_.get());
+    cairo_surface_flush(canvas_.surface());
+    unsigned char* data = cairo_image_surface_get_data(canvas_.surface());
+    const int stride = cairo_image_surface_get_stride(canvas_.surface());
     for (int y = 0; y < height; ++y)
       for (int x = 0; x < width; ++x) {
         const auto i = static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
@@ -454,10 +371,10 @@ class Page {
         pixel = mix(16, &Colour::red) | mix(8, &Colour::green) | mix(0, &Colour::blue);
         std::memcpy(bytes, &pixel, sizeof pixel);
       }
-    cairo_surface_mark_dirty(surface_.get());
+    cairo_surface_mark_dirty(canvas_.surface());
   }
 
-  /// No date, or the one that SOURCE_DATE_EPOCH gives.
+  /// The one that SOURCE_DATE_EPOCH gives.
   void set_date() {
     std::array<char, 32> date{};
     if (const char* epoch = std::getenv("SOURCE_DATE_EPOCH")) {
@@ -469,22 +386,10 @@ class Page {
       std::tm utc{};
       if (gmtime_r(&seconds, &utc) != nullptr) std::strftime(date.data(), date.size(), "%Y-%m-%dT%H:%M:%SZ", &utc);
     }
-    cairo_pdf_surface_set_metadata(surface_.get(), CAIRO_PDF_METADATA_CREATE_DATE, date.data());
+    cairo_pdf_surface_set_metadata(canvas_.surface(), CAIRO_PDF_METADATA_CREATE_DATE, date.data());
   }
 
-  /// cairo numbers its surfaces through the life of the program and puts the number in the file.
-  void forget_surface_number() {
-    const std::string head = "<g id=\"surface";
-    auto found = std::search(bytes_.begin(), bytes_.end(), head.begin(), head.end());
-    if (found == bytes_.end()) return;
-    found += static_cast<std::ptrdiff_t>(head.size());
-    bytes_.erase(found, std::find_if(found, bytes_.end(), [](unsigned char c) { return c < '0' || c > '9'; }));
-  }
-
-  ProofFormat format_;
-  Bytes bytes_;  // before the surface, which writes to it until it is destroyed
-  SurfaceHandle surface_;
-  ContextHandle context_;
+  Canvas canvas_;
 };
 
 constexpr double margin = 24.0;         ///< round the page, pixels
@@ -533,13 +438,8 @@ LevelCurves level_curves(const Inked& inked, double scale, double units_per_em) 
     if (!has_inside(contour)) continue;
     const fontcore::ArcwiseCurve arcs(fontcore::OutlineArcs(contour), {.tolerance = model_tolerance * units_per_em});
     std::vector<Bezier>& curve = level.curves.emplace_back();
-    for (const fontcore::ArcwiseCurve::Arc& arc : arcs.arcs()) {
-      const double own = arc.level_of_scale(scale);
-      const fontcore::MultiresCurve shown =
-          decompose(arc.curve.scheme(), arc.at_level(own), static_cast<int>(std::ceil(own)));
-      for (const Bezier& piece : compress(shown, level_error / scale_of(inked)).pieces)
-        curve.push_back(moved(piece, inked.to_page));
-    }
+    for (const Bezier& piece : arcs.pieces(scale, level_error / scale_of(inked)))
+      curve.push_back(moved(piece, inked.to_page));
     const fontcore::Points ends = arcs.span_ends(scale);
     for (Eigen::Index i = 0; i < ends.rows(); ++i) level.dots.push_back(inked.to_page(ends.row(i).transpose()));
   }

@@ -155,7 +155,10 @@ std::string report_text(const Report& report) {
 
 std::string report_json(const Report& report, const std::string& more) {
   Json counts = Json::object();
-  for (auto name = names.rbegin(); name != names.rend(); ++name) counts[*name] = 0;
+  for (const Status status : report.possible) counts[name_of(status)] = 0;
+  if (report.possible.empty()) {
+    for (auto name = names.rbegin(); name != names.rend(); ++name) counts[*name] = 0;
+  }
   Json listed = Json::array();
   for (const Check& check : report.checks) {
     Json logs = Json::array();
@@ -163,6 +166,7 @@ std::string report_json(const Report& report, const std::string& more) {
       Json log{{"status", name_of(finding.status)}, {"message", finding.message}};
       if (!finding.glyph.empty()) log["glyph"] = finding.glyph;
       if (!finding.location.empty()) log["location"] = finding.location;
+      if (!finding.more.empty()) log.update(Json::parse(finding.more));
       logs.push_back(std::move(log));
     }
     const char* result = name_of(check.result());

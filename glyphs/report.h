@@ -15,9 +15,10 @@ Status status_of(const std::string& name);
 /// One thing that a check has to say.
 struct Finding {
   Status status = Status::Fail;
-  std::string message;   ///< one line, which names the glyph
-  std::string glyph;     ///< its name; empty if it is about the font
-  std::string location;  ///< in the design space; empty: the font's own
+  std::string message;    ///< one line, which names the glyph
+  std::string glyph;      ///< its name; empty if it is about the font
+  std::string location;   ///< in the design space; empty: the font's own
+  std::string more = {};  ///< a JSON object: its keys follow in the JSON
 };
 
 /// One law, and where it does not hold.
@@ -55,6 +56,7 @@ struct Report {
   std::vector<Table> tables = {};
   std::vector<Picture> pictures = {};  ///< of the HTML page alone
   std::vector<std::string> notes = {};
+  std::vector<Status> possible = {};  ///< what its checks may come to, gravest first: JSON counts these; empty: all
 
   Status worst() const;
 };
@@ -63,8 +65,8 @@ struct Report {
 std::string report_text(const Report& report);
 
 /// `{"result": {counts}, "sections": [{"key", "result", "checks": [{"key", "description", "rationale", "severity",
-/// "result", "filename", "logs": [{"status", "message", "glyph", "location"}]}]}]}`. With `more`, a JSON object, its
-/// keys follow at the end.
+/// "result", "filename", "logs": [{"status", "message", "glyph", "location", ..}]}]}]}`. With `more`, a JSON object,
+/// its keys follow at the end.
 std::string report_json(const Report& report, const std::string& more = "");
 
 /// A test suite; of every check a test case for each finding, a failure if FAIL and an error if worse, or one that

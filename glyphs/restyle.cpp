@@ -33,15 +33,6 @@ std::vector<double> alignment_zones(const Font& font) {
   return heights(fontcore::find_zones(shapes, font.units_per_em));
 }
 
-int RestyleResult::changed() const {
-  return static_cast<int>(std::count_if(glyphs.begin(), glyphs.end(), [](const GlyphReport& g) { return g.changed; }));
-}
-
-int RestyleResult::refused() const {
-  return static_cast<int>(
-      std::count_if(glyphs.begin(), glyphs.end(), [](const GlyphReport& g) { return !g.refused.empty(); }));
-}
-
 namespace {
 
 // A step or a frozen stretch that names a glyph must find it, and its contour, among the selected ones: anything else
@@ -315,15 +306,8 @@ RestyleResult restyle(const Font& font, const Recipe& given, const RestyleOption
   for (GlyphReport& report : result.glyphs) {
     report.size.bytes_before = bytes_before[static_cast<std::size_t>(report.glyph)];
     report.size.bytes_after = bytes_after[static_cast<std::size_t>(report.glyph)];
-    const auto& dropped = result.font.dropped_instructions;
-    if (std::binary_search(dropped.begin(), dropped.end(), report.glyph)) {
-      report.dropped.emplace_back("instructions: they were made for the points that were");
-    }
-    if (std::ranges::binary_search(result.font.dropped_hints, report.glyph)) {
-      report.dropped.emplace_back("hints: they were made for the points that were");
-    }
-    if (const auto emptied = result.font.emptied.find(report.glyph); emptied != result.font.emptied.end()) {
-      report.refused = text("comes out empty: ", emptied->second);
+    add_written(result.font, report);
+    if (result.font.emptied.contains(report.glyph)) {
       report.amount = 0.0;
       report.size.points_after = 0;
     } else {

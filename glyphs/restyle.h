@@ -52,28 +52,16 @@ struct OutlineSize {
 };
 
 /// What became of one glyph.
-struct GlyphReport {
-  int glyph = 0;
-  std::string name;
-  std::string refused;  ///< why the glyph stays as it was; empty if it was edited or nothing was asked of it
-  bool changed = false;
-  double amount = 1.0;  ///< share of the wished moves applied; below 1 if a crossing stood against it
-  double area_before = 0.0;
+struct GlyphReport : GlyphChange {
+  double amount = 1.0;          ///< share of the wished moves applied; below 1 if a crossing stood against it
   double area_target = 0.0;     ///< that of before, or of the softened or weighed outline
   double area_unrounded = 0.0;  ///< area before rounding to whole numbers
-  double area_after = 0.0;
   double largest_displacement = 0.0;
-  int crossings_before = 0;
-  int crossings_after = 0;
   int closed_counters = 0;            ///< counters of the ink that are gone
   std::vector<int> changed_windings;  ///< contours that run the other way round now, or lie within others
-  int segments_before = 0;
-  int segments_after = 0;
-  int segments_kept = 0;   ///< bit for bit as they were
-  OutlineSize size;        ///< its bytes are known once the font is written
+  int segments_kept = 0;              ///< bit for bit as they were
+  OutlineSize size;                   ///< its bytes are known once the font is written
   double deviation = 0.0;  ///< two-sided distance of the emitted outline from the solved one: rounding's, font units
-  std::vector<std::string> dropped;  ///< instructions, and why
-  std::vector<std::string> notes;    ///< other remarks, a line each
   std::vector<StepReport> steps;
 };
 
@@ -96,8 +84,6 @@ GlyphResult restyle_glyph(const Font& font, int glyph, const Recipe& recipe, con
 bool lays_detail(const Recipe& recipe);
 /// What a point costs as `GlyphResult::work` counts.
 std::int64_t work_of_point(const Recipe& recipe);
-/// Points that a file holds; implied nodes follow from their handles.
-std::int64_t stored_points(const std::vector<fontcore::BezierContour>& contours);
 
 /// Heights of the alignment zones of a font, flat and overshoot, found from its Latin letters and figures.
 std::vector<double> alignment_zones(const Font& font);
@@ -113,13 +99,10 @@ struct RestyleOptions {
 /// Work is bounded by what the font stores: a damaged one whose glyphs all draw one huge outline would take for ever.
 /// Every glyph costs its points for every time that its steps are tried; what comes after the budget is spent stays as
 /// it was and is named. No sound font comes near it.
-struct RestyleResult {
+struct RestyleResult : GlyphChanges<GlyphReport> {
   WrittenFont font;
-  Spacing spacing;                  ///< without its outlines; advances change by weight steps alone
-  std::vector<GlyphReport> glyphs;  ///< selected glyphs, by id
-  OutlineSize size;                 ///< of all glyphs of the font: composites change with their parts
-  int changed() const;
-  int refused() const;
+  Spacing spacing;   ///< without its outlines; advances change by weight steps alone
+  OutlineSize size;  ///< of all glyphs of the font: composites change with their parts
 };
 
 /// The recipe with the models and amounts of its weight steps told for the font.

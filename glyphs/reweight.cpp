@@ -85,14 +85,6 @@ Recipe compact_recipe(const WeightModel& model, const WeightAmounts& amounts, co
 
 }  // namespace
 
-int ReweightResult::changed() const {
-  return static_cast<int>(std::ranges::count_if(glyphs, &ReweightedGlyph::changed));
-}
-
-int ReweightResult::refused() const {
-  return static_cast<int>(std::ranges::count_if(glyphs, [](const ReweightedGlyph& g) { return !g.refused.empty(); }));
-}
-
 Contours reweight_glyph(const Font& font, int id, const WeightModel& model, const WeightAmounts& amounts,
                         const ReweightOptions& options, ReweightedGlyph& report,
                         std::vector<std::vector<int>>& came_from) {
@@ -195,12 +187,7 @@ ReweightResult reweight(const Font& font, const WeightModel& model, const Reweig
   for (ReweightedGlyph& report : result.glyphs) {
     if (const auto advance = result.spacing.advances.find(report.glyph); advance != result.spacing.advances.end())
       report.advance_after = advance->second;
-    if (const auto emptied = result.font.emptied.find(report.glyph); emptied != result.font.emptied.end())
-      report.refused = text("comes out empty: ", emptied->second);
-    if (std::ranges::binary_search(result.font.dropped_instructions, report.glyph))
-      report.dropped.emplace_back("instructions: they were made for the points that were");
-    if (std::ranges::binary_search(result.font.dropped_hints, report.glyph))
-      report.dropped.emplace_back("hints: they were made for the points that were");
+    add_written(result.font, report);
   }
   return result;
 }

@@ -25,34 +25,19 @@ struct ReweightOptions {
 };
 
 /// What became of one glyph.
-struct ReweightedGlyph {
-  int glyph = 0;
-  std::string name;
-  std::string refused;  ///< why the glyph stays as it was; empty otherwise
-  bool changed = false;
+struct ReweightedGlyph : GlyphChange {
   double share = 0.0;  ///< of the amounts that was applied: 1 unless more would do harm
-  double area_before = 0.0;
-  double area_after = 0.0;
   double advance_before = 0.0;
   double advance_after = 0.0;
-  int crossings_before = 0;
-  int crossings_after = 0;
-  int segments_before = 0;
-  int segments_after = 0;
-  int held_segments = 0;             ///< kept from folding over
-  SideGrowth sides;                  ///< by how much the sidebearings grow, as learnt
-  std::vector<std::string> dropped;  ///< instructions or hints, and why
-  std::vector<std::string> notes;    ///< other remarks, a line each
+  int held_segments = 0;  ///< kept from folding over
+  SideGrowth sides;       ///< by how much the sidebearings grow, as learnt
 };
 
-struct ReweightResult {
+struct ReweightResult : GlyphChanges<ReweightedGlyph> {
   WrittenFont font;
-  fontcore::WeightAmounts amounts;      ///< that were asked of every glyph
-  std::vector<ReweightedGlyph> glyphs;  ///< by id
-  Spacing spacing;                      ///< without its outlines
-  LayoutUse layout;                     ///< of what is drawn otherwise, and is kept: anchors in GPOS, kerning
-  int changed() const;
-  int refused() const;
+  fontcore::WeightAmounts amounts;  ///< that were asked of every glyph
+  Spacing spacing;                  ///< without its outlines
+  LayoutUse layout;                 ///< of what is drawn otherwise, and is kept: anchors in GPOS, kerning
 };
 
 /// A glyph's contours in another weight, in whole numbers, on the advance it has: the middle of the ink stays. The

@@ -885,8 +885,7 @@ Bytes build_cff(const NewCff& font) {
 }
 
 std::optional<Box> drawn_box(const std::vector<BezierContour>& contours) {
-  fontcore::Box drawn;
-  for (const BezierContour& contour : contours) drawn.add(fontcore::tight_box(contour));
+  const fontcore::Box drawn = tight_box(contours);
   if (drawn.is_empty()) return std::nullopt;
   const auto whole = [](double value) {
     if (!(value >= std::numeric_limits<std::int16_t>::min() && value <= std::numeric_limits<std::int16_t>::max())) {

@@ -36,8 +36,7 @@ using sfnt::Tag;
 using sfnt::tag;
 using sfnt::View;
 
-constexpr Eigen::Index most_drawn = 32767;         // FreeType counts points in 16 bits
-constexpr std::uint64_t short_limit = 2 * 0xFFFF;  // what offsets of two bytes reach
+constexpr Eigen::Index most_drawn = 32767;  // FreeType counts points in 16 bits
 constexpr std::size_t most_points = 65535;  // of a simple glyph: the last one's number has 16 bits, maxp's count too
 constexpr int int16_min = std::numeric_limits<std::int16_t>::min();
 constexpr int int16_max = std::numeric_limits<std::int16_t>::max();
@@ -51,10 +50,6 @@ std::string list_names(const Font& font, const std::vector<int>& glyphs) {
     list += (i ? ", " : "") + font.glyphs[static_cast<std::size_t>(glyphs[i])].name;
   }
   return glyphs.size() > shown ? text(list, " and ", glyphs.size() - shown, " more") : list;
-}
-
-bool has_same_structure(const std::vector<BezierContour>& a, const std::vector<BezierContour>& b) {
-  return std::ranges::equal(a, b, {}, &BezierContour::kinds, &BezierContour::kinds);
 }
 
 /// Same structure; same points, implied nodes aside, which follow their handles.
@@ -644,30 +639,20 @@ class Writer {
     for (const int id : drawn_otherwise()) {
       if (!glyph_at(id).is_composite() || is_decomposed(id) || is_emptied(id)) continue;
       result_.moved_composites.push_back(id);
-      int point_count = 0;
-      double low_x = std::numeric_limits<double>::infinity();
-      double low_y = low_x;
-      double high_x = -low_x;
-      double high_y = -low_x;
-      for (const BezierContour& contour : compose(after, id)) {
-        point_count +=
-            static_cast<int>(contour.point_count() - std::ranges::count(contour.kinds(), PointKind::ImpliedNode));
-        low_x = std::min(low_x, contour.points().col(0).minCoeff());
-        low_y = std::min(low_y, contour.points().col(1).minCoeff());
-        high_x = std::max(high_x, contour.points().col(0).maxCoeff());
-        high_y = std::max(high_y, contour.points().col(1).maxCoeff());
-      }
+      const std::vector<BezierContour> outline = compose(after, id);
+      const fontcore::Box drawn = control_box(outline);
       const double origin = glyph_at(id).origin;  // the box counts from the glyph's own zero
       const auto round = [&](double value) {
         const double rounded = std::floor(value + 0.5);
         if (!fits_int16(rounded)) fail(id, text("box coordinate ", rounded, " does not fit in 16 bits"));
         return static_cast<int>(rounded);
       };
-      const Box box{round(low_x + origin), round(low_y), round(high_x + origin), round(high_y)};
+      const Box box{round(drawn.low.x() + origin), round(drawn.low.y()), round(drawn.high.x() + origin),
+                    round(drawn.high.y())};
       Bytes bytes = with_moved_parts(id);
       put_box(bytes, 2, box);
       if (std::ranges::binary_search(has_other_points, id)) {
-        raise_maximum(10, point_count);
+        raise_maximum(10, static_cast<int>(stored_points(outline)));
         if (glyph_at(id).has_instructions) {
           drop_instructions(bytes);
           result_.dropped_instructions.push_back(id);
@@ -850,20 +835,13 @@ class Writer {
     if (glyf.size() > max_font_size) fail(text("table glyf: more than ", max_font_size, " bytes"));
     if (glyf.empty()) glyf.push_back(0);  // a table without bytes is refused
     follow_new_boxes(std::move(boxes));
-    put_offsets(offsets, glyf.size() > short_limit);
+    put_offsets(offsets, glyf.size() > sfnt::short_offsets_reach);
     rebuilt_[tag("glyf")] = std::move(glyf);
     name_in_post();
   }
 
   void put_offsets(const std::vector<std::uint64_t>& offsets, bool is_long) {
-    Bytes& loca = rebuilt_[tag("loca")] = Bytes(offsets.size() * (is_long ? 4 : 2));
-    for (std::size_t i = 0; i < offsets.size(); ++i) {
-      if (is_long) {
-        put_u32(loca, 4 * i, static_cast<std::uint32_t>(offsets[i]));
-      } else {
-        put_u16(loca, 2 * i, static_cast<int>(offsets[i] / 2));
-      }
-    }
+    rebuilt_[tag("loca")] = sfnt::build_loca(offsets, is_long);
     put_u16(rebuilt_[tag("head")], 50, is_long ? 1 : 0);
   }
 
@@ -1006,7 +984,7 @@ class Writer {
     const View behind = is_whole ? old.glyf.subspan(old.offset(basics_.glyph_count)) : View(rest);
     glyf.insert(glyf.end(), behind.begin(), behind.end());
     if (glyf.empty()) glyf.push_back(0);  // a table without bytes is refused
-    const bool is_long = old.has_long_offsets || end > short_limit;
+    const bool is_long = old.has_long_offsets || end > sfnt::short_offsets_reach;
     if (glyf.size() > max_font_size) fail(text("table glyf: more than ", max_font_size, " bytes"));
     put_offsets(offsets, is_long);
     if (is_long == old.has_long_offsets) {  // entries beyond the last glyph's

@@ -199,14 +199,7 @@ SimplifyResult simplify(const Font& font, const SimplifyOptions& options) {
   } else {
     result.font = write_font(font, edited, writing);
   }
-  for (SimplifiedGlyph& report : result.glyphs) {
-    if (const auto emptied = result.font.emptied.find(report.glyph); emptied != result.font.emptied.end())
-      report.refused = text("comes out empty: ", emptied->second);
-    if (std::ranges::binary_search(result.font.dropped_instructions, report.glyph))
-      report.dropped.emplace_back("instructions: they were made for the points that were");
-    if (std::ranges::binary_search(result.font.dropped_hints, report.glyph))
-      report.dropped.emplace_back("hints: they were made for the points that were");
-  }
+  for (SimplifiedGlyph& report : result.glyphs) add_written(result.font, report);
   return result;
 }
 

@@ -22,31 +22,16 @@ struct SimplifyOptions {
 };
 
 /// What became of one glyph.
-struct SimplifiedGlyph {
-  int glyph = 0;
-  std::string name;
-  std::string refused;  ///< why the glyph stays as it was though something could be done; empty otherwise
-  bool changed = false;
-  double tolerance = 0.0;  ///< that was used, font units: less than asked where more would have added a crossing
-  double area_before = 0.0;
-  double area_after = 0.0;
-  int crossings_before = 0;
-  int crossings_after = 0;
-  int segments_before = 0;
-  int segments_after = 0;
-  double deviation = 0.0;            ///< two-sided distance of the written outline from the old one, font units
-  fontcore::Point where{0, 0};       ///< the point of either that is so far from the other
-  int worst_contour = 0;             ///< the contour it is on
-  std::vector<std::string> dropped;  ///< instructions or hints, and why
-  std::vector<std::string> notes;    ///< contours that stay as they were though something was to be done, and why
+struct SimplifiedGlyph : GlyphChange {
+  double tolerance = 0.0;       ///< that was used, font units: less than asked where more would have added a crossing
+  double deviation = 0.0;       ///< two-sided distance of the written outline from the old one, font units
+  fontcore::Point where{0, 0};  ///< the point of either that is so far from the other
+  int worst_contour = 0;        ///< the contour it is on
 };
 
 /// A font in fewer segments.
-struct SimplifyResult {
+struct SimplifyResult : GlyphChanges<SimplifiedGlyph> {
   WrittenFont font;
-  std::vector<SimplifiedGlyph> glyphs;  ///< by id
-  int changed() const;
-  int refused() const;
 };
 
 /// The kind of file that a simplified font is: that of its outlines, OpenType if TrueType outlines become cubics.

@@ -23,12 +23,6 @@ double round_half_up(double value) { return std::floor(value + 0.5); }
 double middle(const Box& box) { return 0.5 * (box.low.x() + box.high.x()); }
 double width(const Box& box) { return box.high.x() - box.low.x(); }
 
-Box box_of(const std::vector<BezierContour>& contours) {
-  Box box;
-  for (const BezierContour& contour : contours) box.add(tight_box(contour));
-  return box;
-}
-
 Box placed(const Box& box, const fontcore::Affine& placement) {
   Box result;
   if (box.is_empty()) return result;
@@ -93,7 +87,7 @@ class Spacer {
   const Box& before(int id) {
     std::optional<Box>& known = before_[static_cast<std::size_t>(id)];
     if (known) return *known;
-    Box box = box_of(glyph_at(id).contours);
+    Box box = tight_box(glyph_at(id).contours);
     for (const Component& part : glyph_at(id).components) box.add(placed(before(part.glyph), part.placement));
     known = box;
     return *known;
@@ -105,7 +99,7 @@ class Spacer {
     for (const auto& [id, contours] : result_.outlines) {
       if (glyph_at(id).advance <= 0.0 || before(id).is_empty()) continue;
       old_width += width(before(id));
-      new_width += width(box_of(contours));
+      new_width += width(tight_box(contours));
     }
     if (old_width > 0.0) result_.ratio = new_width / old_width;
   }
@@ -126,7 +120,7 @@ class Spacer {
     }
     const Box& old = before(glyph.id);
     if (old.is_empty()) return;
-    const Box now = is_edited ? box_of(edited->second) : old;
+    const Box now = is_edited ? tight_box(edited->second) : old;
     double shift = 0.0;
     if (policy_ == AdvancePolicy::Scale) {
       const double origin = glyph.origin;
@@ -177,7 +171,7 @@ class Spacer {
     const auto edited = result_.outlines.find(id);
     const bool has_own = !glyph.contours.empty();  // of a UFO
     if (edited != result_.outlines.end() || has_own) {
-      const Box own = edited != result_.outlines.end() ? box_of(edited->second) : box_of(glyph.contours);
+      const Box own = edited != result_.outlines.end() ? tight_box(edited->second) : tight_box(glyph.contours);
       Box box = own;
       for (const Part& part : parts) box.add(part.after);
       after(id) = box;

@@ -255,7 +255,7 @@ bool is_midway(const BezierContour& contour, int i) {
 }
 
 /// The points of a contour that a file holds.
-std::vector<int> stored_points(const BezierContour& contour) {
+std::vector<int> stored_indices(const BezierContour& contour) {
   std::vector<int> points;
   for (int i = 0; i < contour.point_count(); ++i) {
     if (contour.kind(i) != PointKind::ImpliedNode) points.push_back(i);
@@ -455,7 +455,7 @@ class Writer {
     std::string out;
     for (std::size_t c = glif.outlines().size(); c < contours.size(); ++c) {
       out += (out.empty() ? "" : gap) + "<contour>";
-      for (const int point : stored_points(contours[c])) out += deeper + point_element(contours[c], point);
+      for (const int point : stored_indices(contours[c])) out += deeper + point_element(contours[c], point);
       out += gap + "</contour>";
     }
     std::size_t behind = 0;  // the points of all contours
@@ -540,7 +540,7 @@ class Writer {
                                const std::vector<int>& now) const {
     const auto given = options_.origins.find(id);
     if (given == options_.origins.end() || c >= given->second.size()) {
-      return match_points(*contour.outline, stored_points(*contour.outline), after, now);
+      return match_points(*contour.outline, stored_indices(*contour.outline), after, now);
     }
     const std::vector<int>& came_from = given->second[c];
     if (came_from.size() != static_cast<std::size_t>(after.point_count())) {
@@ -576,7 +576,7 @@ class Writer {
     };
     std::string indent;
     for (int k = 1; k < static_cast<int>(old.size()) && indent.empty(); ++k) indent = is_blank(gap(k)) ? gap(k) : "";
-    const std::vector<int> now = stored_points(after);
+    const std::vector<int> now = stored_indices(after);
     const std::vector<int> kept = kept_points(id, c, contour, after, now);
     std::string out;
     int last = 0;  // the element of the file that was come to

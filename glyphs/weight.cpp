@@ -158,12 +158,6 @@ constexpr const char* format_name = "glyphwave weight model";
 constexpr const char* prior_name = "glyphwave weight prior";
 constexpr std::array<const char*, 2> class_names{"lower_case", "capitals"};
 
-fontcore::Box box_of(const Contours& contours) {
-  fontcore::Box box;
-  for (const BezierContour& contour : contours) box.add(tight_box(contour));
-  return box;
-}
-
 Contours shifted(const Contours& contours, double dx) {
   Contours result;
   for (const BezierContour& contour : contours) {
@@ -185,8 +179,8 @@ LetterClass letter_class_of(const Font& font, int glyph) {
   }
   const auto x = font.character_map.find(U'x');
   if (x == font.character_map.end()) return LetterClass::Capital;
-  const fontcore::Box own = box_of(compose(font, glyph));
-  const fontcore::Box small = box_of(compose(font, x->second));
+  const fontcore::Box own = tight_box(compose(font, glyph));
+  const fontcore::Box small = tight_box(compose(font, x->second));
   return own.high.y() <= 1.1 * small.high.y() ? LetterClass::LowerCase : LetterClass::Capital;
 }
 
@@ -342,7 +336,7 @@ bool is_contrasted(const WeightModel& model) {
 }
 
 double width_of(const Contours& contours) {
-  const fontcore::Box box = box_of(contours);
+  const fontcore::Box box = tight_box(contours);
   return box.is_empty() ? 0.0 : box.high.x() - box.low.x();
 }
 
@@ -492,8 +486,8 @@ fontcore::Weighted apply_weight(const Font& font, int glyph, const Contours& con
                                               .italic_angle = options.italic_angle,
                                               .detail_scale = options.detail_scale});
   if (weighted.amount == 0.0) return weighted;
-  const fontcore::Box old = box_of(contours);
-  const fontcore::Box box = box_of(weighted.contours);
+  const fontcore::Box old = tight_box(contours);
+  const fontcore::Box box = tight_box(weighted.contours);
   weighted.contours = shifted(weighted.contours, 0.5 * (old.low.x() + old.high.x() - box.low.x() - box.high.x()));
   return weighted;
 }

@@ -1,9 +1,5 @@
 #include "glyphs/weight_proof.h"
 
-#include <cairo-pdf.h>
-#include <cairo-svg.h>
-#include <cairo.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -15,6 +11,7 @@
 #include "fontcore/error.h"
 #include "fontcore/ink.h"
 #include "fontcore/measure.h"
+#include "glyphs/canvas.h"
 #include "glyphs/error.h"
 #include "glyphs/shaping.h"
 
@@ -27,12 +24,6 @@ using fontcore::BezierContour;
 using fontcore::Box;
 using fontcore::Point;
 using Contours = std::vector<BezierContour>;
-
-Box box_of(const Contours& contours) {
-  Box box;
-  for (const BezierContour& contour : contours) box.add(tight_box(contour));
-  return box;
-}
 
 Contours placed(const Contours& contours, const Affine& placement) {
   Contours result;
@@ -62,8 +53,8 @@ OutlineError compare_outlines(const Contours& made, const Contours& drawn) {
   const Contours wished = counter_clockwise(drawn);
   const double own_area = measure_ink(own).area;
   const double wished_area = measure_ink(wished).area;
-  const Box a = box_of(own);
-  const Box b = box_of(wished);
+  const Box a = tight_box(own);
+  const Box b = tight_box(wished);
   const double left = b.low.x() - a.low.x();
   const double right = b.high.x() - a.high.x();
   constexpr double reach = 0.03;  // of the width
@@ -123,11 +114,6 @@ std::vector<ComparedGlyph> compare_weights(const Font& made, const Font& drawn, 
 
 namespace {
 
-struct Colour {
-  double red = 0.0;
-  double green = 0.0;
-  double blue = 0.0;
-};
 constexpr Colour both_colour{0.62, 0.62, 0.65};
 constexpr Colour made_colour{0.13, 0.36, 0.92};
 constexpr Colour drawn_colour{0.86, 0.13, 0.11};
@@ -142,50 +128,6 @@ constexpr double label_room = 20.0;
 constexpr double page_width = 1600.0;
 constexpr double line_width = 1.2;
 constexpr double largest_height = 16000.0;
-
-struct Destroy {
-  void operator()(cairo_surface_t* surface) const { cairo_surface_destroy(surface); }
-  void operator()(cairo_t* context) const { cairo_destroy(context); }
-};
-
-cairo_status_t append(void* bytes, const unsigned char* data, unsigned length) {
-  auto* target = static_cast<Bytes*>(bytes);
-  target->insert(target->end(), data, data + length);
-  return CAIRO_STATUS_SUCCESS;
-}
-
-void check(cairo_status_t status) {
-  if (status != CAIRO_STATUS_SUCCESS)
-    throw FontWriteError(std::string("proof: cairo: ") + cairo_status_to_string(status));
-}
-
-void add_path(cairo_t* context, const Contours& contours, const Affine& to_page) {
-  for (const BezierContour& contour : contours) {
-    for (int s = 0; s < contour.segment_count(); ++s) {
-      const fontcore::Bezier segment = contour.segment(s);
-      std::array<Point, 4> p = segment.p;
-      for (Point& point : p) point = to_page(point);
-      if (s == 0) cairo_move_to(context, p[0].x(), p[0].y());
-      if (segment.degree == 2)  // raised to a cubic, which is exact
-        p = {p[0], (p[0] + 2.0 * p[1]) / 3.0, (2.0 * p[1] + p[2]) / 3.0, p[2]};
-      if (segment.degree == 1)
-        cairo_line_to(context, p[1].x(), p[1].y());
-      else
-        cairo_curve_to(context, p[1].x(), p[1].y(), p[2].x(), p[2].y(), p[3].x(), p[3].y());
-    }
-    cairo_close_path(context);
-  }
-}
-
-void set_colour(cairo_t* context, const Colour& colour) {
-  cairo_set_source_rgb(context, colour.red, colour.green, colour.blue);
-}
-
-void fill(cairo_t* context, const Contours& contours, const Affine& to_page, const Colour& colour) {
-  set_colour(context, colour);
-  add_path(context, contours, to_page);
-  cairo_fill(context);
-}
 
 Affine at(const Point& place, double scale) {
   Affine to_page;
@@ -204,15 +146,6 @@ double write(cairo_t* context, const Font& font, const std::string& word, const 
     fill(context, compose(font, one.glyph), at(origin, scale), colour);
   }
   return place.x() + scale * line.advance + 0.6 * label_size;
-}
-
-// cairo numbers its surfaces through the life of the program and puts the number in the file.
-void forget_surface_number(Bytes& svg) {
-  const std::string head = "<g id=\"surface";
-  auto found = std::search(svg.begin(), svg.end(), head.begin(), head.end());
-  if (found == svg.end()) return;
-  found += static_cast<std::ptrdiff_t>(head.size());
-  svg.erase(found, std::find_if(found, svg.end(), [](unsigned char c) { return c < '0' || c > '9'; }));
 }
 
 std::string percent(const char* format, double share) {
@@ -247,12 +180,12 @@ Bytes draw_weight_proof(const Font& before, const Font& made, const Font& drawn,
     cell.made = moved(compose(made, one.glyph), one.error.shift);
     cell.drawn = drawn_outline(drawn, one.drawn, made);
     const Contours old = compose(before, one.glyph);
-    const Box box = box_of(cell.made);
-    const Box old_box = box_of(old);
+    const Box box = tight_box(cell.made);
+    const Box old_box = tight_box(old);
     const double to_middle =
         old_box.is_empty() ? 0.0 : 0.5 * (box.low.x() + box.high.x() - old_box.low.x() - old_box.high.x());
     cell.before = moved(old, to_middle);
-    for (const Contours* contours : {&cell.made, &cell.drawn, &cell.before}) cell.box.add(box_of(*contours));
+    for (const Contours* contours : {&cell.made, &cell.drawn, &cell.before}) cell.box.add(tight_box(*contours));
     cell.label = name + "  " + percent("%.1f %%", one.error.difference) + percent("  area %+.1f %%", one.error.area);
     sum += one.error.difference;
     area += std::abs(one.error.area);
@@ -270,55 +203,38 @@ Bytes draw_weight_proof(const Font& before, const Font& made, const Font& drawn,
   if (height > largest_height)
     throw RequestError(fontcore::text("proof: ", cells.size(), " glyphs are too many for one picture"));
 
-  Bytes bytes;
-  std::unique_ptr<cairo_surface_t, Destroy> surface(
-      format == ProofFormat::Png   ? cairo_image_surface_create(CAIRO_FORMAT_RGB24, width, static_cast<int>(height))
-      : format == ProofFormat::Pdf ? cairo_pdf_surface_create_for_stream(append, &bytes, width, height)
-                                   : cairo_svg_surface_create_for_stream(append, &bytes, width, height));
-  if (format == ProofFormat::Pdf) cairo_pdf_surface_set_metadata(surface.get(), CAIRO_PDF_METADATA_CREATE_DATE, "");
-  {
-    const std::unique_ptr<cairo_t, Destroy> context(cairo_create(surface.get()));
-    cairo_t* const page = context.get();
-    cairo_set_antialias(page, CAIRO_ANTIALIAS_BEST);
-    cairo_set_tolerance(page, 0.01);
-    cairo_set_line_width(page, line_width);
-    set_colour(page, {1.0, 1.0, 1.0});
-    cairo_paint(page);
+  Canvas canvas(format, width, height);
+  cairo_t* const page = canvas.context();
+  cairo_set_line_width(page, line_width);
 
-    const auto count = static_cast<double>(cells.size());
-    const Point head(margin, margin + 0.7 * label_size);
-    double x = write(page, before, "before", head, before_colour);
-    x = write(page, before, "made", Point(x, head.y()), made_colour);
-    x = write(page, before, "drawn", Point(x, head.y()), drawn_colour);
-    x = write(page, before, "both", Point(x, head.y()), both_colour);
-    write(page, before,
-          fontcore::text("mean of ", cells.size(), ": ", percent("%.1f %%", sum / count), "  area ",
-                         percent("%.1f %%", area / count)),
-          Point(x + gap, head.y()), label_colour);
-    for (std::size_t i = 0; i < cells.size(); ++i) {
-      const Cell& cell = cells[i];
-      const Point corner(margin + std::fmod(static_cast<double>(i), columns) * step.x(),
-                         top + std::floor(static_cast<double>(i) / columns) * step.y());
-      const Affine to_page = at(corner + Point(-scale * cell.box.low.x(), above), scale);
-      fill(page, cell.drawn, to_page, drawn_colour);
-      fill(page, cell.made, to_page, made_colour);
-      cairo_save(page);
-      add_path(page, cell.drawn, to_page);
-      cairo_clip(page);
-      fill(page, cell.made, to_page, both_colour);
-      cairo_restore(page);
-      set_colour(page, before_colour);
-      add_path(page, cell.before, to_page);
-      cairo_stroke(page);
-      write(page, before, cell.label, corner + Point(0.0, step.y() - gap - 0.3 * label_size), label_colour);
-    }
-    check(cairo_status(page));
+  const auto count = static_cast<double>(cells.size());
+  const Point head(margin, margin + 0.7 * label_size);
+  double x = write(page, before, "before", head, before_colour);
+  x = write(page, before, "made", Point(x, head.y()), made_colour);
+  x = write(page, before, "drawn", Point(x, head.y()), drawn_colour);
+  x = write(page, before, "both", Point(x, head.y()), both_colour);
+  write(page, before,
+        fontcore::text("mean of ", cells.size(), ": ", percent("%.1f %%", sum / count), "  area ",
+                       percent("%.1f %%", area / count)),
+        Point(x + gap, head.y()), label_colour);
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    const Cell& cell = cells[i];
+    const Point corner(margin + std::fmod(static_cast<double>(i), columns) * step.x(),
+                       top + std::floor(static_cast<double>(i) / columns) * step.y());
+    const Affine to_page = at(corner + Point(-scale * cell.box.low.x(), above), scale);
+    fill(page, cell.drawn, to_page, drawn_colour);
+    fill(page, cell.made, to_page, made_colour);
+    cairo_save(page);
+    add_path(page, cell.drawn, to_page);
+    cairo_clip(page);
+    fill(page, cell.made, to_page, both_colour);
+    cairo_restore(page);
+    set_colour(page, before_colour);
+    add_path(page, cell.before, to_page);
+    cairo_stroke(page);
+    write(page, before, cell.label, corner + Point(0.0, step.y() - gap - 0.3 * label_size), label_colour);
   }
-  if (format == ProofFormat::Png) check(cairo_surface_write_to_png_stream(surface.get(), append, &bytes));
-  cairo_surface_finish(surface.get());
-  check(cairo_surface_status(surface.get()));
-  if (format == ProofFormat::Svg) forget_surface_number(bytes);
-  return bytes;
+  return canvas.finish();
 }
 
 }  // namespace glyphs

@@ -183,7 +183,7 @@ Outcome check(const Request& request) {
   if (overlaps > 0) summary += ", " + count(overlaps, "overlap");
   Outcome outcome;
   outcome.status = faulty > 0 ? 1 : 0;
-  outcome.text = request.json ? glyphs::crossings_json(font, found)
+  outcome.text = request.json ? glyphs::report_json(glyphs::crossings_report(font, found))
                               : lines + text(request.font, ": ", summary, " in ", faulty, " of ",
                                              count(found.size(), "glyph"), "\n");
   return outcome;
@@ -356,6 +356,43 @@ std::string what_changed(const Font& font, const glyphs::WrittenFont& written) {
   return out;
 }
 
+/// Glyphs that lost what was made for points that are no longer.
+std::string what_was_dropped(const glyphs::WrittenFont& written) {
+  std::string out;
+  if (!written.dropped_instructions.empty())
+    out += text("instructions dropped from ", count(written.dropped_instructions.size(), "glyph"), "\n");
+  if (!written.dropped_hints.empty())
+    out += text("hints dropped from ", count(written.dropped_hints.size(), "glyph"), "\n");
+  return out;
+}
+
+/// Selected glyphs that stay as they were though something was asked of them, and why.
+template <typename Change>
+std::vector<std::string> refusals(const glyphs::GlyphChanges<Change>& changes) {
+  std::vector<std::string> refused;
+  for (const Change& glyph : changes.glyphs)
+    if (!glyph.refused.empty()) refused.push_back(glyph.name + " (" + glyph.refused + ")");
+  return refused;
+}
+
+/// What --strict does with refusals.
+Outcome nothing_written(const Request& request, const std::vector<std::string>& refused) {
+  return {"", text(request.font, ": ", count(refused.size(), "glyph"), " refused, nothing written: ", few(refused)), 1};
+}
+
+template <typename Change>
+std::vector<int> changed_glyphs(const glyphs::GlyphChanges<Change>& changes) {
+  std::vector<int> changed;
+  for (const Change& glyph : changes.glyphs)
+    if (glyph.changed) changed.push_back(glyph.glyph);
+  return changed;
+}
+
+/// The font as a reader of the output will see it.
+Font read_again(const std::string& output, const glyphs::WrittenFont& written) {
+  return written.folder ? glyphs::load_ufo(output, *written.folder) : glyphs::load_font_bytes(output, written.data);
+}
+
 /// What the outlines of a font take now, and how much of it was added.
 std::string what_was_added(const glyphs::OutlineSize& size) {
   const auto compared = [](std::int64_t after, std::int64_t before) {
@@ -369,7 +406,6 @@ std::string what_was_added(const glyphs::OutlineSize& size) {
 std::string summary(const Request& request, const RestyleRequest& restyle, const Font& font,
                     const glyphs::RestyleResult& result) {
   std::vector<std::string> reduced;
-  std::vector<std::string> refused;
   std::vector<std::string> held_back;
   const glyphs::GlyphReport* widest = nullptr;
   const glyphs::GlyphReport* worst = nullptr;
@@ -379,7 +415,6 @@ std::string summary(const Request& request, const RestyleRequest& restyle, const
     return std::abs(glyph.area_after - glyph.area_target) / std::max(1.0, std::abs(glyph.area_target));
   };
   for (const glyphs::GlyphReport& glyph : result.glyphs) {
-    if (!glyph.refused.empty()) refused.push_back(glyph.name + " (" + glyph.refused + ")");
     if (std::any_of(glyph.steps.begin(), glyph.steps.end(), [](const auto& step) { return !step.against.empty(); }))
       held_back.push_back(glyph.name);
     if (!glyph.changed) continue;
@@ -393,7 +428,7 @@ std::string summary(const Request& request, const RestyleRequest& restyle, const
                          " changed by ", restyle.recipe, "\n");
   if (!reduced.empty()) out += "reduced so that nothing crosses: " + few(reduced) + "\n";
   if (!held_back.empty()) out += "rules stood against the move of: " + few(held_back) + "\n";
-  if (!refused.empty()) out += "refused, left as they were: " + few(refused) + "\n";
+  if (result.refused() > 0) out += "refused, left as they were: " + few(refusals(result)) + "\n";
   if (widest != nullptr) {
     out += text("largest displacement: ", rounded(widest->largest_displacement, 4), " of ", font.units_per_em,
                 " units per em, in ", widest->name, "\n");
@@ -440,25 +475,19 @@ Outcome restyle_by(const Request& request, const RestyleRequest& restyle, const 
   if (has_selection(request)) options.only = selected(request, font);
   glyphs::RestyleResult result = naming(request.font, [&] { return glyphs::restyle(font, recipe, options); });
 
-  if (restyle.strict && (result.refused() > 0 || !result.font.emptied.empty())) {
-    const std::vector<std::string> refused = glyphs::refusals(font, result);
-    return {"", text(request.font, ": ", count(refused.size(), "glyph"), " refused, nothing written: ", few(refused)),
-            1};
-  }
+  if (restyle.strict && (result.refused() > 0 || !result.font.emptied.empty()))
+    return nothing_written(request, glyphs::refusals(font, result));
 
   const bool has_report = request.json || !restyle.report.empty();
   const std::string report = has_report ? glyphs::report_json(font, result) : std::string();
   std::vector<glyphs::PendingFile> files;
   if (!restyle.report.empty()) files.push_back({restyle.report, {report.begin(), report.end()}});
   if (!restyle.proof.empty()) {
-    std::vector<int> changed;
-    for (const glyphs::GlyphReport& glyph : result.glyphs)
-      if (glyph.changed) changed.push_back(glyph.glyph);
+    std::vector<int> changed = changed_glyphs(result);
     // With nothing changed the proof shows what was looked at.
     if (changed.empty())
       for (const glyphs::GlyphReport& glyph : result.glyphs) changed.push_back(glyph.glyph);
-    const Font after = result.font.folder ? glyphs::load_ufo(restyle.output, *result.font.folder)
-                                          : glyphs::load_font_bytes(restyle.output, result.font.data);
+    const Font after = read_again(restyle.output, result.font);
     files.push_back({restyle.proof, glyphs::draw_glyph_proof(after, font, changed, proof_format)});
   }
   files.push_back({restyle.output, std::move(result.font.data), std::move(result.font.folder)});
@@ -706,29 +735,23 @@ namespace {
 
 std::string simplify_summary(const Request& request, const SimplifyRequest& simplify, const Font& font,
                              const glyphs::SimplifyResult& result) {
-  std::vector<std::string> refused;
   const glyphs::SimplifiedGlyph* worst = nullptr;
   int before = 0;
   int after = 0;
   for (const glyphs::SimplifiedGlyph& glyph : result.glyphs) {
-    if (!glyph.refused.empty()) refused.push_back(glyph.name + " (" + glyph.refused + ")");
     before += glyph.segments_before;
     after += glyph.segments_after;
     if (glyph.changed && (worst == nullptr || glyph.deviation > worst->deviation)) worst = &glyph;
   }
   std::string out = text(request.font, ": ", result.changed(), " of ", count(result.glyphs.size(), "selected glyph"),
                          " simplified: ", after, " segments for ", before, "\n");
-  if (!refused.empty()) out += "left as they were: " + few(refused) + "\n";
+  if (result.refused() > 0) out += "left as they were: " + few(refusals(result)) + "\n";
   if (worst != nullptr) {
     out += text("largest deviation: ", rounded(worst->deviation, 4), " of ", font.units_per_em, " units per em, in ",
                 worst->name, ", contour ", worst->worst_contour, ", at ", rounded(worst->where.x()), ",",
                 rounded(worst->where.y()), "\n");
   }
-  out += what_changed(font, result.font);
-  if (!result.font.dropped_instructions.empty())
-    out += text("instructions dropped from ", count(result.font.dropped_instructions.size(), "glyph"), "\n");
-  if (!result.font.dropped_hints.empty())
-    out += text("hints dropped from ", count(result.font.dropped_hints.size(), "glyph"), "\n");
+  out += what_changed(font, result.font) + what_was_dropped(result.font);
   std::vector<std::string> written{simplify.output};
   if (!simplify.report.empty()) written.push_back(simplify.report);
   return out + "written: " + join(written, ", ") + "\n";
@@ -761,13 +784,8 @@ Outcome simplify(const Request& request, const SimplifyRequest& simplify) {
   if (has_selection(request)) options.only = selected(request, font);
   glyphs::SimplifyResult result = naming(request.font, [&] { return glyphs::simplify(font, options); });
 
-  if (simplify.strict && (result.refused() > 0 || !result.font.emptied.empty())) {
-    std::vector<std::string> refused;
-    for (const glyphs::SimplifiedGlyph& glyph : result.glyphs)
-      if (!glyph.refused.empty()) refused.push_back(glyph.name + " (" + glyph.refused + ")");
-    return {"", text(request.font, ": ", count(refused.size(), "glyph"), " refused, nothing written: ", few(refused)),
-            1};
-  }
+  if (simplify.strict && (result.refused() > 0 || !result.font.emptied.empty()))
+    return nothing_written(request, refusals(result));
   const bool has_report = request.json || !simplify.report.empty();
   const std::string report = has_report ? glyphs::simplify_json(font, options, result) : std::string();
   std::vector<glyphs::PendingFile> files;
@@ -902,12 +920,10 @@ std::string advances_text(const Font& font, const glyphs::ReweightOptions& optio
 std::string apply_summary(const Request& request, const ApplyWeightRequest& apply, const Font& font,
                           const glyphs::ReweightOptions& options, const glyphs::ReweightResult& result,
                           const std::string& errors) {
-  std::vector<std::string> refused;
   std::vector<std::string> reduced;
   int segments_before = 0;
   int segments_after = 0;
   for (const glyphs::ReweightedGlyph& glyph : result.glyphs) {
-    if (!glyph.refused.empty()) refused.push_back(glyph.name + " (" + glyph.refused + ")");
     if (glyph.changed && glyph.share < 1.0) reduced.push_back(glyph.name + " (" + rounded(glyph.share, 3) + ")");
     segments_before += glyph.segments_before;
     segments_after += glyph.segments_after;
@@ -927,13 +943,9 @@ std::string apply_summary(const Request& request, const ApplyWeightRequest& appl
   }
   if (result.layout.kerning_pairs > 0)
     out += text("kerning kept: ", result.layout.kerning_pairs, " pairs have a glyph that is drawn otherwise\n");
-  if (!refused.empty()) out += "left as they were: " + few(refused) + "\n";
+  if (result.refused() > 0) out += "left as they were: " + few(refusals(result)) + "\n";
   if (!reduced.empty()) out += "by a smaller share than was asked: " + few(reduced) + "\n";
-  out += what_changed(font, result.font);
-  if (!result.font.dropped_instructions.empty())
-    out += text("instructions dropped from ", count(result.font.dropped_instructions.size(), "glyph"), "\n");
-  if (!result.font.dropped_hints.empty())
-    out += text("hints dropped from ", count(result.font.dropped_hints.size(), "glyph"), "\n");
+  out += what_changed(font, result.font) + what_was_dropped(result.font);
   out += errors;
   for (const std::string& path : {apply.report, apply.proof, apply.output}) {
     if (!path.empty()) out += "written: " + path + "\n";
@@ -973,23 +985,15 @@ Outcome apply_weight(const Request& request, const ApplyWeightRequest& apply) {
     model = carry_weight(font, model);
   }
   glyphs::ReweightResult result = naming(request.font, [&] { return glyphs::reweight(font, model, options); });
-  if (apply.strict && (result.refused() > 0 || !result.font.emptied.empty())) {
-    std::vector<std::string> refused;
-    for (const glyphs::ReweightedGlyph& glyph : result.glyphs)
-      if (!glyph.refused.empty()) refused.push_back(glyph.name + " (" + glyph.refused + ")");
-    return {"", text(request.font, ": ", count(refused.size(), "glyph"), " refused, nothing written: ", few(refused)),
-            1};
-  }
+  if (apply.strict && (result.refused() > 0 || !result.font.emptied.empty()))
+    return nothing_written(request, refusals(result));
   const bool has_report = request.json || !apply.report.empty();
   const std::string report = has_report ? glyphs::reweight_json(font, options, result) : std::string();
   std::vector<glyphs::PendingFile> files;
   std::string errors;
   if (!apply.proof.empty() || !apply.against.empty()) {
-    std::vector<int> changed;
-    for (const glyphs::ReweightedGlyph& glyph : result.glyphs)
-      if (glyph.changed) changed.push_back(glyph.glyph);
-    const Font made = result.font.folder ? glyphs::load_ufo(apply.output, *result.font.folder)
-                                         : glyphs::load_font_bytes(apply.output, result.font.data);
+    const std::vector<int> changed = changed_glyphs(result);
+    const Font made = read_again(apply.output, result.font);
     glyphs::Bytes picture;
     if (apply.against.empty()) {
       if (changed.empty()) throw RequestError("--proof: no glyph has changed");

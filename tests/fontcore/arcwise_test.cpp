@@ -248,10 +248,10 @@ TEST_CASE("the arcwise view works with each open and each closed scheme, and ref
   CHECK_THROWS_AS(ArcwiseCurve(circle, {.closed = Scheme::HeldCubic}), InvalidInput);
   CHECK_THROWS_AS(ArcwiseCurve(circle, {.open = Scheme::Chaikin}), InvalidInput);
   CHECK_THROWS_AS(ArcwiseCurve(circle, {.tolerance = 0.0}), InvalidInput);
-  CHECK(message_of<InvalidInput>([&] { ArcwiseCurve(circle).to_polyline(-3.0, 1.0); }) ==
+  CHECK(message_of<InvalidInput>([&] { ArcwiseCurve(circle).pieces(-3.0, 1.0); }) ==
         "ArcwiseCurve: scale -3 is not a length");
-  CHECK_THROWS_AS(ArcwiseCurve(circle).to_polyline(std::nan(""), 1.0), InvalidInput);
-  CHECK_THROWS_AS(ArcwiseCurve(circle).to_polyline(3.0, 0.0), InvalidInput);
+  CHECK_THROWS_AS(ArcwiseCurve(circle).pieces(std::nan(""), 1.0), InvalidInput);
+  CHECK_THROWS_AS(ArcwiseCurve(circle).pieces(3.0, -1.0), InvalidInput);
 }
 
 TEST_CASE("with corners rounded a contour is one closed arc across them", "[arcwise]") {
@@ -263,16 +263,18 @@ TEST_CASE("with corners rounded a contour is one closed arc across them", "[arcw
   CHECK(round.arcs()[0].length == Approx(2400.0));
   CHECK(round.arcs()[0].distance <= 2.0);
   // Shown without features below 400 units its corners are far from the square's.
-  const Points coarse = round.to_polyline(400.0, 5.0);
+  constexpr int places = 20;
   double nearest = 1e9;
-  for (Eigen::Index i = 0; i < coarse.rows(); ++i)
-    nearest = std::min(nearest, (coarse.row(i) - Eigen::RowVector2d(0, 0)).norm());
+  for (const Bezier& piece : round.pieces(400.0, 0.1)) {
+    for (int k = 0; k < places; ++k)
+      nearest = std::min(nearest, evaluate(piece, static_cast<double>(k) / places).norm());
+  }
   CHECK(nearest > 30.0);
-  const Points sharp = kept.to_polyline(400.0, 5.0);
-  for (Eigen::Index i = 0; i < sharp.rows(); ++i) {
-    const double x = std::abs(sharp(i, 0) - 300.0);
-    const double y = std::abs(sharp(i, 1) - 300.0);
-    CHECK(std::max(x, y) == Approx(300.0));  // on the square
+  for (const Bezier& piece : kept.pieces(400.0, 0.1)) {
+    for (int k = 0; k < places; ++k) {
+      const Point off = evaluate(piece, static_cast<double>(k) / places) - Point(300, 300);
+      CHECK(off.cwiseAbs().maxCoeff() == Approx(300.0));  // on the square
+    }
   }
 }
 

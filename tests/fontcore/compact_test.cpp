@@ -149,6 +149,30 @@ TEST_CASE("moving or mirroring an outline moves or mirrors its compact form, bit
   }
 }
 
+TEST_CASE("quadratics between extrema whose tangents are parallel meet halfway, at an implied node", "[compact]") {
+  // Edges that rise and sink by a few units, as of a pen: between two level tangents one quadratic has a corner.
+  constexpr PointKind node = PointKind::Node;
+  constexpr PointKind handle = PointKind::Cubic;
+  const BezierContour wave(shapes::points_of({{0, 0},
+                                              {30, 0},
+                                              {50, -6},
+                                              {80, -6},
+                                              {120, -6},
+                                              {150, 5},
+                                              {200, 5},
+                                              {230, 5},
+                                              {250, 0},
+                                              {280, 0},
+                                              {280, 400},
+                                              {0, 400}}),
+                           {node, handle, handle, node, handle, handle, node, handle, handle, node, node, node});
+  const CompactFit fit = fit_compact(wave, {.tolerance = 1.0, .curve = CurveKind::Quadratic});
+  CHECK(fit.why.empty());
+  CHECK(fit.deviation <= 1.0);
+  CHECK(largest_smooth_turn(fit.contour) <= 1.5 * degree);
+  CHECK(fit.contour.segment_count() <= 3 + 6);
+}
+
 TEST_CASE("at tolerance 0 an outline stays as it is", "[compact]") {
   for (const BezierContour& source : shapes::letter_a()) {
     const CompactFit fit = fit_compact(source, {.tolerance = 0.0});

@@ -45,8 +45,6 @@ BezierContour moved(const BezierContour& contour, const Rows& rows, unsigned see
 
 void append(Rows& all, const Rows& more) { all.insert(all.end(), more.begin(), more.end()); }
 
-double cross(const Point& a, const Point& b) { return a.x() * b.y() - a.y() * b.x(); }
-
 // How far two directions are from being parallel.
 double sine_between(const Point& a, const Point& b) { return std::abs(cross(a, b)) / (a.norm() * b.norm()); }
 

@@ -105,7 +105,7 @@ TEST_CASE("a figure eight and two squares that overlap are found, their clean tw
   REQUIRE(in_eight[0].crossings.size() == 1);
   CHECK(glyphs::describe(in_eight[0], in_eight[0].crossings[0]) == "g: contour 0 crosses itself at (50, 50)");
   const auto json_of = [](const Font& font) {
-    return nlohmann::json::parse(glyphs::crossings_json(font, glyphs::check_crossings(font, {0})));
+    return nlohmann::json::parse(report_json(glyphs::crossings_report(font, glyphs::check_crossings(font, {0}))));
   };
   const auto within = json_of(eight);
   CHECK(within["result"]["FAIL"] == 1);

@@ -20,11 +20,6 @@ inline bool is_complaint(const std::string& message, const std::string& file) {
   return message.find('\n') == std::string::npos && message.starts_with(file);
 }
 
-inline std::ptrdiff_t stored_points(const fontcore::BezierContour& contour) {
-  return contour.point_count() -
-         std::count(contour.kinds().begin(), contour.kinds().end(), fontcore::PointKind::ImpliedNode);
-}
-
 /// That what is written is a font, with the areas that were reported, and with no other glyph touched.
 inline void check_written(const glyphs::Font& font, const glyphs::RestyleResult& result) {
   const glyphs::Font read = glyphs::load_font_bytes("written.ttf", result.font.data);
@@ -83,7 +78,7 @@ inline Survived survive(const glyphs::Bytes& bytes, const glyphs::Location& loca
     for (const auto& contour : glyph.contours) stored += contour.point_count();
     if (!glyph.is_composite()) continue;
     std::ptrdiff_t points = 0;
-    for (const auto& contour : compose(font, glyph.id)) points += stored_points(contour);
+    for (const auto& contour : compose(font, glyph.id)) points += glyphs::stored_points(contour);
     CHECK(points <= glyphs::max_composed_points);
     composed += points;
   }

@@ -78,8 +78,7 @@ std::vector<Sample> samples(const std::vector<std::string>& fonts, int count, st
 
 /// Every point moved at random, to whole numbers; implied nodes stay between their handles.
 std::vector<BezierContour> displaced(const std::vector<BezierContour>& contours, std::mt19937& random) {
-  Box box;
-  for (const BezierContour& contour : contours) box.add(control_box(contour));
+  const Box box = control_box(contours);
   const auto bound = static_cast<int>(std::ceil(largest_displacement * (box.high - box.low).maxCoeff()));
   const auto step = [&] { return static_cast<int>(random() % static_cast<unsigned>(2 * bound + 1)) - bound; };
   std::vector<BezierContour> moved;

@@ -19,7 +19,7 @@
 #include "fontcore/drag.h"
 #include "fontcore/edit.h"
 #include "fontcore/error.h"
-#include "glyphs/font_file.h"
+#include "tools/bench/letter_contours.h"
 
 namespace {
 
@@ -40,21 +40,11 @@ struct Model {
 
 std::vector<Model> models_of(const std::vector<std::string>& fonts) {
   std::vector<Model> models;
-  for (const std::string& path : fonts) {
-    const glyphs::Font font = glyphs::load_font(path);
-    for (char32_t letter = U'!'; letter <= U'~'; ++letter) {
-      const auto glyph = font.character_map.find(letter);
-      if (glyph == font.character_map.end()) continue;
-      for (const BezierContour& contour : glyphs::compose(font, glyph->second)) {
-        if (!has_inside(contour)) continue;
-        try {
-          models.push_back({OutlineCurve(contour, {.tolerance = glyphs::model_tolerance * font.units_per_em}),
-                            static_cast<double>(font.units_per_em)});
-        } catch (const InvalidInput& error) {
-          std::cerr << path << ": U+" << std::hex << static_cast<unsigned>(letter) << std::dec << ": " << error.what()
-                    << '\n';
-        }
-      }
+  for (const auto& [name, contour, em] : letter_contours(fonts)) {
+    try {
+      models.push_back({OutlineCurve(contour, {.tolerance = glyphs::model_tolerance * em}), em});
+    } catch (const InvalidInput& error) {
+      std::cerr << name << ": " << error.what() << '\n';
     }
   }
   return models;

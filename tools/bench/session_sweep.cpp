@@ -24,7 +24,7 @@
 #include "fontcore/crossing.h"
 #include "fontcore/error.h"
 #include "fontcore/measure.h"
-#include "glyphs/font_file.h"
+#include "tools/bench/letter_contours.h"
 
 namespace {
 
@@ -36,30 +36,6 @@ constexpr int full_look = 10;           // every so many operations all forms ar
 constexpr double epsilon_of_em = 1e-3;  // what an editor shows at a thousand pixels
 constexpr double met = 1e-9;            // of points and directions that rules hold
 constexpr double area_met = 1e-9;
-
-struct Model {
-  std::string name;
-  BezierContour contour;
-  double em;
-};
-
-std::vector<Model> models_of(const std::vector<std::string>& fonts) {
-  std::vector<Model> models;
-  for (const std::string& path : fonts) {
-    const glyphs::Font font = glyphs::load_font(path);
-    for (char32_t letter = U'!'; letter <= U'~'; ++letter) {
-      const auto glyph = font.character_map.find(letter);
-      if (glyph == font.character_map.end()) continue;
-      int number = 0;
-      for (const BezierContour& contour : glyphs::compose(font, glyph->second)) {
-        if (!has_inside(contour)) continue;
-        models.push_back({text(path, ", U+", static_cast<unsigned long>(letter), ", contour ", number++), contour,
-                          static_cast<double>(font.units_per_em)});
-      }
-    }
-  }
-  return models;
-}
 
 class Chance {
  public:
@@ -81,7 +57,7 @@ Points points_of(const std::vector<Point>& list) {
 /// A curve in the hands of somebody who takes one tool after the other, sizes by the em.
 class Session {
  public:
-  Session(const Model& model, unsigned number) : chance_(number), em_(model.em), curve_(start_of(model)) {}
+  Session(const LetterContour& model, unsigned number) : chance_(number), em_(model.em), curve_(start_of(model)) {}
 
   const LinkedCurve& curve() const { return curve_; }
   struct Step {
@@ -104,7 +80,7 @@ class Session {
   static constexpr FormKind forms[] = {FormKind::Bezier, FormKind::Polyline, FormKind::Spline, FormKind::Wavelet,
                                        FormKind::Arcwise};
 
-  LinkedCurve start_of(const Model& model) {
+  LinkedCurve start_of(const LetterContour& model) {
     LinkedCurve curve(model.contour, {.epsilon = epsilon_of_em * em_});
     curve = curve.with_rule({"no crossing", NoAddedCrossing{}});
     if (chance_.below(2) == 0) curve = curve.with_rule({"area", HeldArea{signed_area(model.contour)}});
@@ -425,14 +401,14 @@ int main(int argc, char** argv) {
       fonts.push_back(std::string(GLYPHWAVE_SOURCE_DIR) + "/fonts/" + name);
     }
   }
-  const std::vector<Model> models = models_of(fonts);
+  const std::vector<LetterContour> models = letter_contours(fonts);
   Chance chance(seed);
   std::map<std::string, Tally> tallies;
   long faults = 0;
   double largest_gap = 0.0;
   int most_pieces = 0;
   for (long done = 0; done < operations;) {
-    const Model& model = models[static_cast<std::size_t>(chance.below(static_cast<int>(models.size())))];
+    const LetterContour& model = models[static_cast<std::size_t>(chance.below(static_cast<int>(models.size())))];
     const auto number = static_cast<unsigned>(done) + seed;
     Session session(model, number);
     Examination examination(model.contour);

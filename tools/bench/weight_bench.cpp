@@ -60,12 +60,6 @@ Contours mapped(const Contours& contours, const Affine& map) {
   return result;
 }
 
-Box box_of(const Contours& contours) {
-  Box box;
-  for (const fontcore::BezierContour& contour : contours) box.add(tight_box(contour));
-  return box;
-}
-
 // ---- FreeType's outlines
 
 constexpr double sixty_fourths = 64.0;
@@ -198,7 +192,7 @@ Contours emboldened(const Library& library, const Contours& contours, double uni
 }
 
 Contours with_heights(const Contours& contours, const Box& wanted) {
-  const Box box = box_of(contours);
+  const Box box = tight_box(contours);
   Affine map;
   map.linear(1, 1) = (wanted.high.y() - wanted.low.y()) / (box.high.y() - box.low.y());
   map.shift.y() = wanted.low.y() - map.linear(1, 1) * box.low.y();
@@ -488,7 +482,7 @@ int run(const std::vector<std::string>& arguments) {
                        })});
     columns.push_back({"FreeType, heights", scores_of(judge, letters, [&](char letter, double units) {
                          const Contours& before = judge.before(letter);
-                         return with_heights(emboldened(library, before, units), box_of(before));
+                         return with_heights(emboldened(library, before, units), tight_box(before));
                        })});
     FontForge fontforge(request->regular);
     if (fontforge.is_installed()) {

@@ -31,11 +31,10 @@ int main() {
     double y = 0.0;
     for (const Corners corners : {Corners::Round, Corners::Keep}) {
       const ArcwiseCurve arcs(curve, {.tolerance = 0.2, .corners = corners});
-      const Points shown = arcs.to_polyline(scale, 4.0);
-      picture.path(shown.rowwise() + Eigen::RowVector2d(x, y), "fill=\"#29292e\"", true);
+      picture.path(arcs.pieces(scale, 0.5), {x, y}, "fill=\"#29292e\"");
       if (scale > 0.0) {
         const Points ends = arcs.span_ends(scale);
-        picture.dots(ends.rowwise() + Eigen::RowVector2d(x, y), 6.0, "fill=\"#00b85c\"");
+        picture.dots(ends.rowwise() + Eigen::RowVector2d(x, y), 6.0, "stroke=\"#00b85c\"");
       }
       y += 620.0;
     }

@@ -19,6 +19,17 @@ class Picture {
     for (Eigen::Index i = 0; i < points.rows(); ++i) body_ += (i == 0 ? "M" : "L") + place(points.row(i));
     body_ += (is_closed ? "Z\" " : "\" ") + style + "/>\n";
   }
+  /// A closed outline of segments that follow each other, moved.
+  void path(const std::vector<fontcore::Bezier>& segments, const fontcore::Point& by, const std::string& style) {
+    for (const fontcore::Bezier& segment : segments) {
+      body_ +=
+          &segment == &segments.front() ? "<path d=\"M" + place((segment.start() + by).transpose()) : std::string();
+      body_ += segment.degree == 1 ? "L" : segment.degree == 2 ? "Q" : "C";
+      for (int k = 1; k <= segment.degree; ++k)
+        body_ += place((segment.p[static_cast<std::size_t>(k)] + by).transpose()) + " ";
+    }
+    body_ += "Z\" " + style + "/>\n";
+  }
   void dots(const fontcore::Points& points, double radius, const std::string& style) {
     for (Eigen::Index i = 0; i < points.rows(); ++i) {
       body_ += "<path d=\"M" + place(points.row(i)) + "h0\" stroke-linecap=\"round\" " +

@@ -1,99 +1,27 @@
-#include "fontcore/compact.h"
+#include "fontcore/compact_search.h"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <numbers>
-#include <optional>
+#include <iterator>
 #include <utility>
 
-#include "fontcore/compact_chain.h"
-#include "fontcore/error.h"
 #include "fontcore/measure.h"
 
-namespace fontcore {
-
-namespace compact {
+namespace fontcore::compact {
 
 namespace {
 
-constexpr double degrees = std::numbers::pi / 180.0;
-constexpr double never = std::numeric_limits<double>::infinity();
-
-double cross(const Point& a, const Point& b) { return a.x() * b.y() - a.y() * b.x(); }
-double angle(const Point& a, const Point& b) { return std::atan2(cross(a, b), a.dot(b)); }
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
-// A curve this near to its chord, as a share of the tolerance, is a straight line.
-constexpr double straightness = 0.02;
-// The angle that a corner may lose or win, before what whole numbers cost.
-constexpr double corner_freedom = 1.95 * degrees;
-// Of its line, what the curves at both ends of a straight run may take over together.
-constexpr double line_share = 0.4;
-// A straight run that turns no more where it meets a segment that is kept goes on turning no more.
-constexpr double smooth_turn = 1.5 * degrees;
-// How far an extremum may move along its tangent, em.
-constexpr double extremum_slide = 0.012;
-// One sample for so much length, em, or so much turn.
-constexpr double sample_length = 0.04;
-constexpr double sample_turn = 8.0 * degrees;
-constexpr int most_samples_of_curve = 30;
-constexpr int most_samples = 640;
-// A stretch of so many samples that is cut so finely, em a segment, as texture is, is searched window by window: so
-// many pieces at a time, the next ones so many further on.
-constexpr double long_stretch = 30.0;
-constexpr double long_segment = 0.01;
-constexpr int segments_of_work = 64;  // that `most_work` is allowed for
+// Long stretches are searched window by window: so many pieces at a time, the next ones so many further on.
 constexpr int window_pieces = 6;
-constexpr double near_enough = 2.5;  // single curves, of the tolerance, that a chain of them begins with
 constexpr int window_step = 3;
+constexpr double near_enough = 2.5;  // single curves, of the tolerance, that a chain of them begins with
 // Rounding handles costs so much, font units.
 constexpr double room_of_handles = 0.12;
-// A long turn is cut so often to join in.
-constexpr double candidate_turn = 15.0 * degrees;
-constexpr double most_candidates = 56.0;
 // The part of the tolerance that the solver aims for: the rest is for what lies between the samples.
 constexpr double aim = 0.985;
-constexpr double polyline_sagitta = 0.006;  // share of the tolerance
 // How far control points may lie outside the box of their curve, as a share of its larger side.
 constexpr double handle_margin = 0.5;
-constexpr double measuring_accuracy = 0.004;
-constexpr const char* too_much_work = "the work for the shortest outline would be more than is allowed";
-
-Point tangent_at(const Bezier& b, double u) {
-  if (u <= 0.0) return start_tangent(b);
-  if (u >= 1.0) return end_tangent(b);
-  const Point d = derivative(b, u);
-  const double size = d.norm();
-  return size > 1e-9 ? Point(d / size) : Point(evaluate(b, u + 1e-3) - evaluate(b, u - 1e-3)).normalized();
-}
-
-struct Extent {
-  double length = 0.0;
-  double turn = 0.0;  // absolute
-};
-Extent extent_of(const Bezier& b) {
-  Extent extent;
-  if (b.degree == 1) return {(b.end() - b.start()).norm(), 0.0};
-  Point place = b.start();
-  Point tangent = start_tangent(b);
-  for (int i = 1; i <= 8; ++i) {
-    const Point next = evaluate(b, i / 8.0);
-    const Point then = tangent_at(b, i / 8.0);
-    extent.length += (next - place).norm();
-    extent.turn += std::abs(angle(tangent, then));
-    place = next;
-    tangent = then;
-  }
-  return extent;
-}
-
-void add_polyline(const Bezier& b, double sagitta, int fewest, std::vector<Point>& to) {
-  const Extent extent = extent_of(b);
-  const int pieces = std::clamp(static_cast<int>(std::ceil(std::sqrt(extent.length * extent.turn / (8.0 * sagitta)))),
-                                b.degree == 1 ? 6 : fewest, 400);
-  for (int i = 0; i < pieces; ++i) to.push_back(evaluate(b, static_cast<double>(i) / pieces));
-}
 
 // The first vertices of one polyline, `most` of them, that are farther than a distance from the other, both run from
 // end to end together. It looks near where the vertex before was nearest: a distance is never taken for smaller than it
@@ -139,13 +67,74 @@ std::vector<std::size_t> beyond(const std::vector<Point>& a, const std::vector<P
   return far;
 }
 
-struct Settings {
-  CompactOptions options;
-  Point fraction = Point::Zero();  // whole numbers differ by it from the coordinates here
-  long most_work = 0;
-};
+double distance_from(const std::vector<Point>& line, const Point& p) {
+  double distance = never;
+  for (std::size_t i = 0; i + 1 < line.size(); ++i) {
+    const Point d = line[i + 1] - line[i];
+    const double square = d.squaredNorm();
+    const double u = square > 0.0 ? std::clamp((p - line[i]).dot(d) / square, 0.0, 1.0) : 0.0;
+    distance = std::min(distance, (p - line[i] - u * d).norm());
+  }
+  return distance;
+}
 
-// The nearest point of whole numbers, if coordinates are to be whole; of two as near, the one nearer to the first node.
+// Whether an extremum lies inside a curve by more than a unit's fraction: it would want a node of its own.
+bool has_extremum_within(const Bezier& b) {
+  constexpr double most_within = 0.9;
+  for (int axis = 0; axis < 2; ++axis) {
+    const auto [low, high] = std::minmax(b.start()[axis], b.end()[axis]);
+    for (const double u : extrema(b, axis)) {
+      const double value = evaluate(b, u)[axis];
+      if (value < low - most_within || value > high + most_within) return true;
+    }
+  }
+  return false;
+}
+
+// Whether handles reach far beyond their curve: an editor's nuisance.
+bool has_far_handle(const Bezier& b) {
+  const Box box = tight_box(b);
+  const Point margin = Point::Constant(handle_margin * (box.high - box.low).maxCoeff());
+  for (int k = 1; k < b.degree; ++k) {
+    const Point& p = b.p[at(k)];
+    if ((p.array() < (box.low - margin).array()).any() || (p.array() > (box.high + margin).array()).any()) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+Point tangent_at(const Bezier& b, double u) {
+  if (u <= 0.0) return start_tangent(b);
+  if (u >= 1.0) return end_tangent(b);
+  const Point d = derivative(b, u);
+  const double size = d.norm();
+  return size > 1e-9 ? Point(d / size) : Point(evaluate(b, u + 1e-3) - evaluate(b, u - 1e-3)).normalized();
+}
+
+Extent extent_of(const Bezier& b) {
+  Extent extent;
+  if (b.degree == 1) return {(b.end() - b.start()).norm(), 0.0};
+  Point place = b.start();
+  Point tangent = start_tangent(b);
+  for (int i = 1; i <= 8; ++i) {
+    const Point next = evaluate(b, i / 8.0);
+    const Point then = tangent_at(b, i / 8.0);
+    extent.length += (next - place).norm();
+    extent.turn += std::abs(angle(tangent, then));
+    place = next;
+    tangent = then;
+  }
+  return extent;
+}
+
+void add_polyline(const Bezier& b, double sagitta, int fewest, std::vector<Point>& to) {
+  const Extent extent = extent_of(b);
+  const int pieces = std::clamp(static_cast<int>(std::ceil(std::sqrt(extent.length * extent.turn / (8.0 * sagitta)))),
+                                b.degree == 1 ? 6 : fewest, 400);
+  for (int i = 0; i < pieces; ++i) to.push_back(evaluate(b, static_cast<double>(i) / pieces));
+}
+
 Point whole(const Settings& settings, const Point& p) {
   if (settings.options.coordinates == Coordinates::Any) return p;
   Point rounded;
@@ -159,18 +148,6 @@ Point whole(const Settings& settings, const Point& p) {
   return rounded;
 }
 
-double distance_from(const std::vector<Point>& line, const Point& p) {
-  double distance = never;
-  for (std::size_t i = 0; i + 1 < line.size(); ++i) {
-    const Point d = line[i + 1] - line[i];
-    const double square = d.squaredNorm();
-    const double u = square > 0.0 ? std::clamp((p - line[i]).dot(d) / square, 0.0, 1.0) : 0.0;
-    distance = std::min(distance, (p - line[i] - u * d).norm());
-  }
-  return distance;
-}
-
-// Of the points of whole numbers around another the one nearest to a polyline.
 Point whole_near(const Settings& settings, const Point& place, const std::vector<Point>& line) {
   constexpr int around = 3;
   const Point base = whole(settings, place);
@@ -190,58 +167,7 @@ Point whole_near(const Settings& settings, const Point& place, const std::vector
   return best;
 }
 
-// What is asked of a stretch beside its curve.
-struct Task {
-  Stretch stretch;
-  Join start;
-  Join end;
-  struct Must {
-    int sample;
-    Join join;
-  };
-  std::vector<Must> musts;      // joins there have to be, in order
-  std::vector<int> candidates;  // samples that may be joins, its ends among them
-  bool rotates = false;         // closed, and any candidate may be the first join
-  bool is_long = false;         // too long for a search of the whole: window by window
-  int most_pieces = 0;
-  std::optional<Point> first;  // where the contour's first node was, if it is within
-};
-
-struct Result {
-  std::vector<Bezier> pieces;
-  int first = -1;  // the piece that begins with the contour's first node, if one does
-  double start_turn = 0.0;
-  double end_turn = 0.0;
-};
-
-// Whether an extremum lies inside a curve by more than a unit's fraction: it would want a node of its own.
-bool has_extremum_within(const Bezier& b) {
-  constexpr double most_within = 0.9;
-  for (int axis = 0; axis < 2; ++axis) {
-    const auto [low, high] = std::minmax(b.start()[axis], b.end()[axis]);
-    for (const double u : extrema(b, axis)) {
-      const double value = evaluate(b, u)[axis];
-      if (value < low - most_within || value > high + most_within) return true;
-    }
-  }
-  return false;
-}
-
-// Whether handles reach far beyond their curve: an editor's nuisance.
-bool has_far_handle(const Bezier& b) {
-  Box box;
-  box.add(b.start());
-  box.add(b.end());
-  for (int axis = 0; axis < 2; ++axis) {
-    for (const double u : extrema(b, axis)) box.add(evaluate(b, u));
-  }
-  const Point margin = Point::Constant(handle_margin * (box.high - box.low).maxCoeff());
-  for (int k = 1; k < b.degree; ++k) {
-    const Point& p = b.p[at(k)];
-    if ((p.array() < (box.low - margin).array()).any() || (p.array() > (box.high + margin).array()).any()) return true;
-  }
-  return false;
-}
+namespace {
 
 class Search {
  public:
@@ -265,7 +191,9 @@ class Search {
     double in;
   };
   Span span(int i, int j);
-  Span quadratic_span(int i, int j);
+  double quadratic_error(int i, int j, const Join* start, const Join* end);
+  const Join* rail_at(int sample) const;
+  bool is_straight_between(const Join& a, const Join& b) const;
   double span_error(int i, int j) { return span(i, j).error; }
   double free_error(int i, int j);
   Chain laid(const std::vector<int>& breaks);
@@ -333,7 +261,7 @@ std::vector<Join> Search::joins_at(const std::vector<int>& breaks) const {
 
 // How well one cubic with the source's tangents at its ends does between two samples: what orders candidates.
 Search::Span Search::span(int i, int j) {
-  if (settings_.options.curve == CurveKind::Quadratic) return quadratic_span(i, j);
+  if (settings_.options.curve == CurveKind::Quadratic) return {quadratic_error(i, j, rail_at(i), rail_at(j)), 0.0, 0.0};
   const auto& samples = task_.stretch.samples;
   const Sample& a = samples[at(i)];
   const Sample& b = samples[at(j)];
@@ -400,17 +328,45 @@ Search::Span Search::span(int i, int j) {
   return {worst, out, in};
 }
 
-// The same for one quadratic: the tangents leave it no freedom.
-Search::Span Search::quadratic_span(int i, int j) {
+// The join at a sample, if the handle of a quadratic that ends there has to lie on its tangent.
+const Join* Search::rail_at(int sample) const {
+  const Stretch& stretch = task_.stretch;
+  if (!task_.rotates) {
+    if (sample == stretch.first || (stretch.is_closed && sample == stretch.last))
+      return task_.start.is_corner ? nullptr : &task_.start;
+    if (sample == stretch.last) return task_.end.is_corner ? nullptr : &task_.end;
+  }
+  const Task::Must* must = must_at(sample);
+  return must != nullptr ? &must->join : nullptr;
+}
+
+// Whether one quadratic that is straight goes from rail to rail.
+bool Search::is_straight_between(const Join& a, const Join& b) const {
+  const Point chord = whole(settings_, b.home) - whole(settings_, a.home);
+  if (!(chord.dot(a.tangent) > 0.0) || !(chord.dot(b.tangent) > 0.0)) return false;
+  const auto deviates = [&](const Join& join) {
+    // Along an axis handles of whole numbers keep exactly to it.
+    const bool is_exact = settings_.options.coordinates == Coordinates::Whole && join.tangent.prod() == 0.0;
+    return std::abs(cross(join.tangent, chord)) > (is_exact ? 0.0 : std::sin(smooth_turn) * chord.norm());
+  };
+  return !deviates(a) && !deviates(b);
+}
+
+// The same for one quadratic, between rails if there are such: the tangents leave it no freedom. None joins rails that
+// do not meet between them.
+double Search::quadratic_error(int i, int j, const Join* start, const Join* end) {
   const auto& samples = task_.stretch.samples;
-  const Sample& a = samples[at(i)];
-  const Sample& b = samples[at(j)];
+  Sample a = samples[at(i)];
+  Sample b = samples[at(j)];
+  if (start != nullptr) a.tangent = start->tangent;
+  if (end != nullptr) b.tangent = end->tangent;
   const Point chord = b.place - a.place;
   const double sine = cross(a.tangent, b.tangent);
   const double ahead = cross(chord, b.tangent) / sine;
   const double behind = cross(a.tangent, chord) / sine;
   const double arc = b.s - a.s;
   const bool meets = std::abs(sine) > 1e-3 && ahead > 0.0 && behind > 0.0 && ahead < arc && behind < arc;
+  if (!meets && start != nullptr && end != nullptr && !is_straight_between(*start, *end)) return never;
   const Point handle = meets ? Point(a.place + ahead * a.tangent) : Point(0.5 * (a.place + b.place));
   constexpr int most = 14;
   const int step = 1 + (j - i - 1) / most;
@@ -428,7 +384,7 @@ Search::Span Search::quadratic_span(int i, int j) {
     worst = std::max(worst, e.norm());
     work_ += 1;
   }
-  return {worst, 0.0, 0.0};
+  return worst;
 }
 
 // A chain to start from: every piece as good as it can be alone.
@@ -513,6 +469,7 @@ std::vector<std::vector<double>> Search::span_errors(double hopeless) {
       back = std::abs(back) < std::abs(turned) ? 0.0 : back + turned;
     }
   }
+  const bool is_quadratic = settings_.options.curve == CurveKind::Quadratic;
   std::vector<std::vector<double>> error(at(round));
   std::vector<char> is_must(samples.size(), 0);
   for (const Task::Must& must : task_.musts) is_must[at(must.sample)] = 1;
@@ -521,7 +478,7 @@ std::vector<std::vector<double>> Search::span_errors(double hopeless) {
     for (int j = i + 1; j < (task_.rotates ? i + round : count); ++j) {
       const double turned = turn[at(candidate(j))] - turn[at(candidate(i))];
       if (turned > 4.0 && j > i + 1) break;
-      const bool is_straight = j == i + 1 && turned < 0.02;
+      const bool is_straight = !is_quadratic && j == i + 1 && turned < 0.02;
       // Of curves that follow the source a solution wins much over single ones; those that cut through its waves are
       // as good as they can be.
       const bool cuts = task_.is_long && waves[at(candidate(j))] > waves[at(candidate(i))] + 1;
@@ -852,10 +809,18 @@ std::vector<Chain> Search::shortened(Chain chain) {
       int join;
     };
     std::vector<Removal> removals;
+    const auto rail = [&](int j) {
+      const Join& join = chain.joins[at(j == k && chain.is_closed ? 0 : j)];
+      return join.moves || join.is_corner ? nullptr : &join;
+    };
     for (int j = 1; j < k; ++j) {
       const Join& join = chain.joins[at(j)];
-      if (join.moves && !join.is_first)
-        removals.push_back({span_error(chain.breaks[at(j - 1)], chain.breaks[at(j + 1)]), j});
+      if (!join.moves || join.is_first) continue;
+      const int from = chain.breaks[at(j - 1)];
+      const int to = chain.breaks[at(j + 1)];
+      const bool is_quadratic = chain.kind == CurveKind::Quadratic;
+      removals.push_back(
+          {is_quadratic ? quadratic_error(from, to, rail(j - 1), rail(j + 1)) : span_error(from, to), j});
     }
     std::stable_sort(removals.begin(), removals.end(),
                      [](const Removal& a, const Removal& b) { return a.error < b.error; });
@@ -1228,701 +1193,10 @@ std::optional<Result> Search::run() {
   return std::nullopt;
 }
 
-// --- the contour
-// ------------------------------------------------------------------------------------------------------
-
-// A segment of the source, or a part of it between extrema, or several that are one straight line.
-struct Element {
-  Bezier curve;
-  int source = 0;          // the segment it begins with
-  int sources = 1;         // how many end in it
-  bool is_corner = false;  // at its start
-  bool is_first = false;   // it starts at the contour's first node
-  bool is_line = false;    // one that stays
-  bool is_kept = false;    // the source's own, bit for bit
-  double turn = 0.0;       // at its start, absolute
-};
-
-bool is_straight(const Bezier& b, double tolerance) {
-  const Point chord = b.end() - b.start();
-  const double length = chord.norm();
-  if (!(length > 0.0)) return false;
-  const Point along = chord / length;
-  for (int i = 1; i < b.degree; ++i) {
-    const Point d = b.p[at(i)] - b.start();
-    const double x = d.dot(along);
-    if (std::abs(cross(along, d)) > tolerance || x < -1e-9 || x > length + 1e-9) return false;
-  }
-  return true;
-}
-
-class ContourFit {
- public:
-  ContourFit(const BezierContour& source, const CompactOptions& options);
-  CompactFit run();
-
- private:
-  void make_elements();
-  void split_at_extrema();
-  void merge_lines();
-  Task task_of(int from, int to) const;
-  std::optional<std::vector<Bezier>> originals(int from, int to) const;
-  CompactFit as_it_was(std::string why = {}) const;
-  bool is_admissible(int segment) const;
-  void find_kept();
-  Point node_place(int i) const;
-  bool is_beside_kept(int i) const { return element(i).is_kept || element(i - 1).is_kept; }
-  const Element& element(int i) const { return elements_[at((i + count()) % count())]; }
-  int count() const { return static_cast<int>(elements_.size()); }
-  Point whole(const Point& p) const { return compact::whole(settings_, p); }
-
-  const BezierContour& source_;
-  Settings settings_;
-  Point origin_;
-  std::vector<Element> elements_;
-  std::vector<double> corner_turn_;          // by element: what the stretch before has turned the corner at its start
-  std::vector<std::vector<Bezier>> fitted_;  // by element that a stretch or a line begins with
-  std::vector<int> first_piece_;             // of them, the one that begins with the first node
-  std::vector<char> is_kept_;                // by segment of the source
-  long work_ = 0;
-};
-
-ContourFit::ContourFit(const BezierContour& source, const CompactOptions& options) : source_(source) {
-  settings_.options = options;
-  settings_.most_work = options.most_work * std::max(1, source.segment_count() / segments_of_work);
-  origin_ = source.point(source.node(0));
-  for (int axis = 0; axis < 2; ++axis) settings_.fraction[axis] = origin_[axis] - std::floor(origin_[axis]);
-}
-
-CompactFit ContourFit::as_it_was(std::string why) const {
-  return {source_, 0.0, source_.point(source_.node(0)), true, std::move(why), work_, settings_.options.kept_segments};
-}
-
-// Whether a segment of the source may be written as it is.
-bool ContourFit::is_admissible(int segment) const {
-  const CurveKind curve = settings_.options.curve;
-  const int degree = source_.degree(segment);
-  if (degree == (curve == CurveKind::Cubic ? 2 : 3)) return false;
-  for (int k = 0; k <= degree; ++k) {
-    const int index = source_.point_of(segment, k);
-    if (curve == CurveKind::Quadratic && source_.kind(index) == PointKind::ImpliedNode) continue;
-    const Point p = source_.point(index) - origin_;
-    if (whole(p) != p) return false;
-  }
-  return true;
-}
-
-// The segments that stay as they are. On whole numbers a quadratic's implied end that lies between them can be no node
-// of its own: what is beyond it stays too.
-void ContourFit::find_kept() {
-  const CompactOptions& options = settings_.options;
-  const int count = source_.segment_count();
-  is_kept_.assign(at(count), 0);
-  int before = -1;
-  for (const int s : options.kept_segments) {
-    if (s <= before || s >= count)
-      throw InvalidInput(text("fit_compact: segment ", s, " is to be kept after segment ", before, " of ", count));
-    if (source_.degree(s) == (options.curve == CurveKind::Cubic ? 2 : 3))
-      throw InvalidInput(text("fit_compact: segment ", s, " is to be kept, and is of degree ", source_.degree(s)));
-    is_kept_[at(s)] = 1;
-    before = s;
-  }
-  const auto is_split = [&](int node) {
-    const Point p = source_.point(node) - origin_;
-    return source_.kind(node) == PointKind::ImpliedNode && whole(p) != p;
-  };
-  for (const bool forward : {true, false}) {
-    for (const int kept : options.kept_segments) {
-      for (int s = kept; is_split(source_.node(forward ? source_.next(s) : s));) {
-        s = forward ? source_.next(s) : source_.previous(s);
-        if (is_kept_[at(s)] != 0) break;
-        is_kept_[at(s)] = 1;
-      }
-    }
-  }
-}
-
-// Where the node at the start of an element is to be.
-Point ContourFit::node_place(int i) const {
-  const Point& start = element(i).curve.start();
-  return is_beside_kept(i) ? start : whole(start);
-}
-
-void ContourFit::make_elements() {
-  const CompactOptions& options = settings_.options;
-  bool is_first = true;
-  for (int s = 0; s < source_.segment_count(); ++s) {
-    Element element;
-    element.curve = source_.segment(s);
-    element.is_kept = is_kept_[at(s)] != 0;
-    if (is_degenerate(element.curve) && !element.is_kept) continue;
-    for (Point& p : element.curve.p) p -= origin_;
-    element.source = s;
-    element.is_first = std::exchange(is_first, false);
-    // A line needs ends on whole numbers: implied nodes stay inside curves.
-    const auto is_whole = [&](const Point& p) { return whole(p) == p; };
-    if (element.curve.degree > 1 && !element.is_kept && is_straight(element.curve, straightness * options.tolerance) &&
-        is_whole(element.curve.start()) && is_whole(element.curve.end())) {
-      element.curve.p[1] = element.curve.end();
-      element.curve.degree = 1;
-    }
-    elements_.push_back(element);
-  }
-  const double run = options.straight_run * options.units_per_em;
-  for (int i = 0; i < count(); ++i) {
-    Element& own = elements_[at(i)];
-    const Bezier& before = element(i - 1).curve;
-    own.turn = std::abs(angle(end_tangent(before), start_tangent(own.curve)));
-    const auto is_long_line = [&](const Bezier& b) { return b.degree == 1 && (b.end() - b.start()).norm() >= run; };
-    constexpr double bend = 0.2 * degrees;  // of two straight runs
-    own.is_corner =
-        own.turn > options.corner_angle || is_degenerate(own.curve) || is_degenerate(before) ||
-        (own.turn > bend && is_long_line(own.curve) && is_long_line(before)) ||
-        std::find(options.corners.begin(), options.corners.end(), source_.node(own.source)) != options.corners.end();
-  }
-}
-
-void ContourFit::merge_lines() {
-  std::vector<Element> merged;
-  for (const Element& own : elements_) {
-    if (!merged.empty() && !own.is_corner && !own.is_first && own.curve.degree == 1 &&
-        merged.back().curve.degree == 1 && !own.is_kept && !merged.back().is_kept) {
-      Bezier& line = merged.back().curve;
-      const Bezier both{{line.start(), line.end(), own.curve.end(), Point::Zero()}, 2};
-      if (is_straight(both, straightness * settings_.options.tolerance)) {
-        line.p[1] = own.curve.end();
-        merged.back().sources += own.sources;
-        continue;
-      }
-    }
-    merged.push_back(own);
-  }
-  elements_ = std::move(merged);
-}
-
-void ContourFit::split_at_extrema() {
-  std::vector<Element> parts;
-  for (const Element& own : elements_) {
-    std::vector<double> cuts;
-    for (int axis = 0; axis < 2 && !own.is_kept; ++axis) {
-      for (const double u : extrema(own.curve, axis)) {
-        if (u > 0.002 && u < 0.998) cuts.push_back(u);
-      }
-    }
-    std::sort(cuts.begin(), cuts.end());
-    Element rest = own;
-    double done = 0.0;
-    for (const double cut : cuts) {
-      const double u = (cut - done) / (1.0 - done);
-      if (u < 1e-3 || u > 0.999) continue;
-      done = cut;
-      const auto halves = split(rest.curve, u);
-      Element part = rest;
-      part.curve = halves[0];
-      part.sources = 0;
-      parts.push_back(part);
-      rest.curve = halves[1];
-      rest.is_corner = rest.is_first = false;
-      rest.turn = 0.0;
-    }
-    parts.push_back(rest);
-  }
-  elements_ = std::move(parts);
-}
-
-// The source's own segments, if they are of a kind that may be written.
-std::optional<std::vector<Bezier>> ContourFit::originals(int from, int to) const {
-  std::vector<Bezier> pieces;
-  for (int i = from; i < to; ++i) {
-    const Element& own = element(i);
-    if (own.sources == 0) continue;  // a part: the whole comes with the last
-    Bezier b = own.curve;
-    if (b.degree > 1) {
-      b = source_.segment(own.source);
-      for (Point& p : b.p) p -= origin_;
-      if (is_admissible(own.source)) {
-        pieces.push_back(b);
-        continue;
-      }
-      if (settings_.options.curve == CurveKind::Quadratic) return std::nullopt;
-      if (b.degree == 2) {
-        const Point q = b.p[1];
-        b = {{b.p[0], (b.p[0] + 2.0 * q) / 3.0, (b.p[2] + 2.0 * q) / 3.0, b.p[2]}, 3};
-      }
-    }
-    for (int k = 0; k <= b.degree; ++k) b.p[at(k)] = whole(b.p[at(k)]);
-    if (is_beside_kept(i)) b.p[0] = own.curve.start();
-    if (is_beside_kept(i + 1)) b.p[at(b.degree)] = own.curve.end();
-    pieces.push_back(b);
-  }
-  return pieces;
-}
-
-// The stretch over elements [from, to).
-Task ContourFit::task_of(int from, int to) const {
-  const CompactOptions& options = settings_.options;
-  const double em = options.units_per_em;
-  Task task;
-  Stretch& stretch = task.stretch;
-  stretch.is_closed = to - from == count() && !element(from).is_corner;
-
-  // A line next to it that it goes on from smoothly, and how much of it may be taken back.
-  const auto room_of = [&](const Element& line, bool both_smooth) {
-    return (line.curve.end() - line.curve.start()).norm() * (both_smooth ? 0.5 : 1.0) * line_share;
-  };
-  const auto handle_of = [](const Bezier& b, bool is_start) {
-    const Point d = is_start ? Point(b.p[1] - b.start()) : Point(b.end() - b.p[at(b.degree - 1)]);
-    const double size = d.norm();
-    return size > 0.0 ? size : (b.end() - b.start()).norm();
-  };
-  // The first node stays where it is; where nodes are free, or it is no point of the font, the nearest will do.
-  const bool holds_first = options.extrema == Extrema::Keep && source_.kind(source_.node(0)) != PointKind::ImpliedNode;
-  const auto make_first = [&](Join& join) {
-    join.is_first = true;
-    join.home = join.place = whole(join.place);
-    join.slides = false;
-  };
-  const auto end_join = [&](bool is_start) {
-    const Element& own = is_start ? element(from) : element(to - 1);
-    const Element& node = is_start ? element(from) : element(to);  // that starts at this end
-    const Element& beside = is_start ? element(from - 1) : element(to);
-    const int node_index = (is_start ? from : to) % count();
-    Join join;
-    join.place = join.home = is_start ? own.curve.start() : own.curve.end();
-    join.tangent = is_start ? start_tangent(own.curve) : end_tangent(own.curve);
-    join.is_first = node.is_first;
-    if (stretch.is_closed) {
-      make_first(join);
-      join.turns = true;
-      return join;
-    }
-    join.is_corner = node.is_corner;
-    join.is_held = is_beside_kept(node_index);
-    if (node.is_corner) {
-      const double slack =
-          1.4 / std::max(1.0, std::min(handle_of(own.curve, is_start), handle_of(beside.curve, !is_start)));
-      const double turned = corner_turn_[at(node_index)];
-      const double share = to - from == count() ? 0.5 : 1.0;  // its other end is the same corner
-      join.turns = true;
-      join.turn_low = turned - share * (corner_freedom + 0.8 * slack);
-      join.turn_high = turned + share * (corner_freedom + 0.8 * slack);
-      join.turn_slack = share * 0.15 * slack;
-      join.home = join.place = node_place(node_index);
-      return join;
-    }
-    // A smooth end is that of a line that stays, or of a segment that is kept.
-    join.tangent = is_start ? end_tangent(beside.curve) : start_tangent(beside.curve);
-    join.rail = join.tangent;
-    if (join.is_held) return join;
-    const auto& line = fitted_[at((is_start ? from - 1 + count() : to) % count())];
-    join.has_line = true;
-    join.line_end = is_start ? line.front().start() : line.back().end();
-    join.slides = true;
-    const int other = is_start ? from - 1 : to + 1;  // the node at the line's other end
-    const bool other_smooth = !element(other).is_corner;
-    const double room = room_of(beside, other_smooth);
-    if (is_beside_kept(other) && element(other).turn < smooth_turn)
-      join.line_tangent = is_start ? end_tangent(element(other - 1).curve) : start_tangent(element(other).curve);
-    join.slide_low = is_start ? -room : -em;
-    join.slide_high = is_start ? em : room;
-    if (node.is_first && holds_first) make_first(join);
-    return join;
-  };
-  task.start = end_join(true);
-  if (!stretch.is_closed) task.end = end_join(false);
-
-  // Samples.
-  const auto extend = [&](const Join& join, bool is_start) {
-    constexpr int samples = 4;
-    if (!join.slides) return;
-    const double room = is_start ? -join.slide_low : join.slide_high;
-    for (int i = 1; i <= samples; ++i) {
-      const double back = is_start ? samples + 1 - i : i;
-      const double signed_room = (is_start ? -room : room) * back / samples;
-      stretch.samples.push_back({join.place + signed_room * join.tangent, join.tangent, 0.0});
-    }
-  };
-  if (!stretch.is_closed) extend(task.start, true);
-  stretch.first = static_cast<int>(stretch.samples.size());
-  std::vector<Extent> extents;
-  std::vector<double> weights;
-  double total = 0.0;
-  double length = 0.0;
-  for (int i = from; i < to; ++i) {
-    extents.push_back(extent_of(element(i).curve));
-    weights.push_back(extents.back().length / (sample_length * em) + extents.back().turn / sample_turn);
-    total += weights.back();
-    length += extents.back().length;
-    stretch.source.push_back(element(i).curve);
-  }
-  task.is_long = options.curve == CurveKind::Cubic && total > long_stretch && length < long_segment * em * (to - from);
-  const int fewest = task.is_long || static_cast<double>(to - from) * 3.0 + total > most_samples ? 1 : 3;
-  const double scale = task.is_long ? 1.0 : std::min(1.0, most_samples / (total + 1.0));
-  // Of many candidates those that are far enough apart.
-  const bool has_many = static_cast<double>(to - from) + total * sample_turn / candidate_turn > most_candidates;
-  const double least_gap = task.is_long ? candidate_turn / sample_turn : has_many ? total / most_candidates : 0.0;
-  double since = never;
-  for (int i = from; i < to; ++i) {
-    const Bezier& b = element(i).curve;
-    const auto k = at(i - from);
-    const int samples = std::clamp(static_cast<int>(std::ceil(scale * weights[k])), fewest, most_samples_of_curve);
-    const int begin = static_cast<int>(stretch.samples.size());
-    for (int j = 0; j < samples; ++j) {
-      const double u = static_cast<double>(j) / samples;
-      stretch.samples.push_back({evaluate(b, u), tangent_at(b, u), 0.0});
-    }
-    int parts = b.degree == 1 ? 1 : std::max(1, static_cast<int>(std::round(extents[k].turn / candidate_turn)));
-    if (parts == 1 && to - from < 4 && b.degree > 1) parts = 2;
-    for (int j = 0; j < parts; ++j) {
-      const double gap = weights[k] / parts;
-      if (since >= least_gap || (i == from && j == 0)) {
-        task.candidates.push_back(begin + samples * j / parts);
-        since = 0.0;
-      }
-      since += gap;
-    }
-  }
-  stretch.last = static_cast<int>(stretch.samples.size());
-  const Bezier& final = element(to - 1).curve;
-  stretch.samples.push_back({final.end(), end_tangent(final), 0.0});
-  task.candidates.push_back(stretch.last);
-  if (!stretch.is_closed) extend(task.end, false);
-  auto& samples = stretch.samples;
-  if (!stretch.is_closed) {
-    if (!task.start.is_corner) samples[at(stretch.first)].tangent = task.start.tangent;
-    if (!task.end.is_corner) samples[at(stretch.last)].tangent = task.end.tangent;
-  }
-  for (std::size_t i = 1; i < samples.size(); ++i)
-    samples[i].s = samples[i - 1].s + (samples[i].place - samples[i - 1].place).norm();
-
-  task.rotates = stretch.is_closed && !holds_first;
-  // Extrema, where the sense of the tangent along an axis changes, and the first node.
-  std::vector<Task::Must>& musts = task.musts;
-  const int n = static_cast<int>(samples.size());
-  if (options.extrema == Extrema::Keep) {
-    constexpr double unit = 0.8;  // hardly
-    const double prominence = task.is_long ? unit : std::min(options.tolerance, unit);
-    for (int axis = 0; axis < 2; ++axis) {
-      const auto component = [&](int i) { return samples[at(i)].tangent[axis]; };
-      constexpr double none = 1e-9;
-      int sense = 0;
-      int since_sample = -1;
-      if (stretch.is_closed) {
-        for (int i = stretch.last - 1; i > 0 && sense == 0; --i) {
-          if (std::abs(component(i)) > none) {
-            sense = component(i) > 0.0 ? 1 : -1;
-            since_sample = i - stretch.last;
-          }
-        }
-      }
-      for (int i = stretch.first; i <= stretch.last; ++i) {
-        if (std::abs(component(i)) <= none) continue;
-        const int own = component(i) > 0.0 ? 1 : -1;
-        if (sense != 0 && own != sense) {
-          int best = i;
-          double least = never;
-          for (int m = since_sample; m <= i; ++m) {
-            const int sample = m < 0 ? m + stretch.last : m;
-            if (std::abs(component(sample)) < least) {
-              least = std::abs(component(sample));
-              best = sample;
-            }
-          }
-          const Sample& sample = samples[at(best)];
-          const int across = 1 - axis;
-          const auto leaves = [&](int step) {
-            int m = best;
-            for (int c = 0; c < n; ++c) {
-              m += step;
-              if (stretch.is_closed)
-                m = (m + stretch.last) % stretch.last;
-              else if (m < stretch.first || m > stretch.last)
-                return false;
-              if (std::abs(samples[at(m)].place[across] - sample.place[across]) > prominence) return true;
-            }
-            return false;
-          };
-          // The tangent's component along this axis vanishes: it lies along the other.
-          Join join;
-          join.place = join.home = sample.place;
-          join.tangent = Point::Zero();
-          join.tangent[across] = sample.tangent[across] > 0.0 ? 1.0 : -1.0;
-          join.rail = join.tangent;
-          join.slides = true;
-          join.slide_low = -extremum_slide * em;
-          join.slide_high = extremum_slide * em;
-          bool has_height = true;
-          if (task.is_long && options.coordinates == Coordinates::Whole) {
-            // What lies between whole numbers by much of the tolerance can be no node of that height.
-            const double height = whole(join.place)[axis];
-            constexpr double share = 0.6;
-            has_height = std::abs(height - join.place[axis]) < share * options.tolerance;
-            join.place[axis] = join.home[axis] = height;
-          }
-          if (has_height && leaves(1) && leaves(-1)) {
-            const bool at_end = best == stretch.first || best == stretch.last;
-            if (!at_end) {
-              musts.push_back({best, join});
-            } else if (stretch.is_closed) {
-              make_first(join);
-              task.start = join;
-            }
-          }
-        }
-        sense = own;
-        since_sample = i;
-      }
-    }
-  }
-  if (task.is_long && stretch.is_closed && holds_first) {
-    // The first node as near to the curve as whole numbers are.
-    const Sample& own = samples[at(stretch.first)];
-    const Point off = task.start.place - own.place;
-    constexpr double share = 0.5;
-    if (std::abs(cross(own.tangent, off)) > share * options.tolerance) {
-      std::vector<Point> near;
-      constexpr double reach = 4.0;
-      for (int i = stretch.last - 1; i > 0 && (samples[at(i)].place - own.place).norm() < reach; --i)
-        near.insert(near.begin(), samples[at(i)].place);
-      for (int i = stretch.first; i < stretch.last && (samples[at(i)].place - own.place).norm() < reach; ++i)
-        near.push_back(samples[at(i)].place);
-      task.start.place = task.start.home = whole_near(settings_, own.place, near);
-      task.start.tangent = own.tangent;
-      task.start.turns = true;
-    }
-  }
-  for (int i = stretch.is_closed ? from : from + 1; i < to; ++i) {
-    if (element(i).is_first) task.first = element(i).curve.start();
-  }
-  for (int i = from + 1; i < to; ++i) {
-    if (!element(i).is_first || !holds_first) continue;
-    int sample = stretch.first;
-    for (int m = stretch.first; m < stretch.last; ++m) {
-      if (samples[at(m)].place == element(i).curve.start()) sample = m;
-    }
-    const auto known =
-        std::find_if(musts.begin(), musts.end(), [&](const Task::Must& must) { return must.sample == sample; });
-    if (known != musts.end()) {
-      make_first(known->join);
-    } else {
-      Join join;
-      join.place = join.home = samples[at(sample)].place;
-      join.tangent = samples[at(sample)].tangent;
-      make_first(join);
-      join.turns = true;
-      musts.push_back({sample, join});
-    }
-  }
-  std::sort(musts.begin(), musts.end(), [](const Task::Must& a, const Task::Must& b) { return a.sample < b.sample; });
-  for (std::size_t i = 1; i < musts.size();) {
-    i = musts[i].sample == musts[i - 1].sample
-            ? static_cast<std::size_t>(musts.erase(musts.begin() + static_cast<long>(i)) - musts.begin())
-            : i + 1;
-  }
-  if (task.is_long && options.coordinates == Coordinates::Whole) {
-    // Nodes so near to each other have no handles on whole numbers.
-    constexpr double near = 6.0;
-    const auto is_near_end = [&](int sample) {
-      const Point& place = samples[at(sample)].place;
-      return (place - task.start.place).norm() < near || (!stretch.is_closed && (place - task.end.place).norm() < near);
-    };
-    std::vector<Task::Must> apart;
-    for (const Task::Must& must : musts) {
-      const Point& place = must.join.place;
-      if (!is_near_end(must.sample) && (apart.empty() || (place - apart.back().join.place).norm() >= near))
-        apart.push_back(must);
-    }
-    musts = std::move(apart);
-    std::erase_if(task.candidates,
-                  [&](int sample) { return sample != stretch.first && sample != stretch.last && is_near_end(sample); });
-  }
-  for (const Task::Must& must : musts) task.candidates.push_back(must.sample);
-  std::sort(task.candidates.begin(), task.candidates.end());
-  task.candidates.erase(std::unique(task.candidates.begin(), task.candidates.end()), task.candidates.end());
-
-  for (int m = 1; stretch.is_closed && m <= stretch.last; ++m) {
-    Sample again = samples[at(m)];
-    again.s += samples[at(stretch.last)].s;
-    samples.push_back(again);
-  }
-
-  if (stretch.first > 0) stretch.polyline.push_back(samples.front().place);
-  for (const Bezier& b : stretch.source) add_polyline(b, polyline_sagitta * options.tolerance, 6, stretch.polyline);
-  stretch.polyline.push_back(final.end());
-  if (!stretch.is_closed && stretch.last + 1 < n) stretch.polyline.push_back(samples.back().place);
-  int segments = 0;
-  bool is_admissible_as_is = true;
-  bool has_cubic = false;
-  for (int i = from; i < to; ++i) {
-    segments += element(i).sources;
-    is_admissible_as_is = is_admissible_as_is && (element(i).curve.degree == 1 || is_admissible(element(i).source));
-    has_cubic = has_cubic || element(i).curve.degree == 3;
-  }
-  // What cannot be written as it is may have to be more: quadratics for cubics, or curves between whole numbers where a
-  // unit is more than the tolerance.
-  constexpr int quadratics_for_cubic = 8;
-  task.most_pieces = options.curve == CurveKind::Quadratic && has_cubic ? quadratics_for_cubic * segments
-                     : is_admissible_as_is                              ? segments - 1
-                     : options.tolerance < 1.0                          ? 2 * segments
-                                                                        : segments;
-  return task;
-}
-
-CompactFit ContourFit::run() {
-  const CompactOptions& options = settings_.options;
-  find_kept();
-  const bool keeps_all = std::find(is_kept_.begin(), is_kept_.end(), 0) == is_kept_.end();
-  if (options.tolerance == 0.0 || keeps_all) return as_it_was();
-  make_elements();
-  if (count() < 2) return as_it_was();
-  merge_lines();
-  if (options.extrema == Extrema::Keep) split_at_extrema();
-  const double run = options.straight_run * options.units_per_em;
-  for (int i = 0; i < count(); ++i) {
-    Element& own = elements_[at(i)];
-    own.is_line = !own.is_kept && own.curve.degree == 1 &&
-                  ((own.curve.end() - own.curve.start()).norm() >= run || (own.is_corner && element(i + 1).is_corner));
-  }
-  corner_turn_.assign(at(count()), 0.0);
-  fitted_.assign(at(count()), {});
-  first_piece_.assign(at(count()), -1);
-
-  // Begin at a break: a corner, an end of a line that stays or of what is kept, else the first node.
-  int begin = 0;
-  const auto breaks_at = [&](int i) {
-    return element(i).is_corner || element(i).is_line || element(i - 1).is_line || is_beside_kept(i);
-  };
-  while (begin < count() && !breaks_at(begin)) ++begin;
-  const bool is_whole = begin == count();
-  if (is_whole) begin = 0;
-  for (int i = 0; i < count(); ++i) {
-    if (element(i).is_line) {
-      fitted_[at(i)] = {{{node_place(i), node_place(i + 1), Point::Zero(), Point::Zero()}, 1}};
-    } else if (element(i).is_kept) {
-      fitted_[at(i)] = {element(i).curve};
-    }
-  }
-  int written = 0;
-  for (int from = begin; from < begin + count();) {
-    const int index = from % count();
-    if (element(from).is_line || element(from).is_kept) {
-      ++from;
-      ++written;
-      continue;
-    }
-    int to = from + 1;
-    while (to < begin + count() && (is_whole || !breaks_at(to))) ++to;
-    auto& pieces = fitted_[at(index)];
-    Task task = task_of(from, to);
-    std::optional<Result> result;
-    if (task.most_pieces >= 1) result = Search(task, settings_, work_).run();
-    if (result) {
-      pieces = std::move(result->pieces);
-      first_piece_[at(index)] = result->first;
-      if (task.start.is_corner) corner_turn_[at(index)] = result->start_turn;
-      if (task.end.is_corner) corner_turn_[at(to % count())] = result->end_turn;
-      const bool is_open = !task.stretch.is_closed;
-      if (is_open && task.start.slides)
-        fitted_[at((from - 1 + count()) % count())].back().p[1] = pieces.front().start();
-      if (is_open && task.end.slides) fitted_[at(to % count())].front().p[0] = pieces.back().end();
-    } else if (auto own = originals(from, to)) {
-      pieces = std::move(*own);
-      int ended = 0;
-      for (int i = from; i < to; ++i) {
-        if (element(i).is_first) first_piece_[at(index)] = ended;
-        ended += element(i).sources > 0 ? 1 : 0;
-      }
-    } else {
-      return as_it_was(work_ > settings_.most_work ? too_much_work
-                                                   : "no quadratics were found that stay within the tolerance");
-    }
-    written += static_cast<int>(pieces.size());
-    from = to;
-  }
-
-  // From the first node on.
-  std::vector<Bezier> out;
-  std::vector<int> segment;  // of the source, where it is kept
-  int first = 0;
-  for (int from = begin; from < begin + count(); ++from) {
-    const auto& pieces = fitted_[at(from % count())];
-    if (pieces.empty()) continue;  // within a stretch that began before
-    const int own = element(from).is_first ? 0 : first_piece_[at(from % count())];
-    if (own >= 0) first = static_cast<int>(out.size()) + own;
-    out.insert(out.end(), pieces.begin(), pieces.end());
-    segment.resize(out.size(), element(from).is_kept ? element(from).source : -1);
-  }
-  first %= static_cast<int>(out.size());
-  std::rotate(out.begin(), out.begin() + first, out.end());
-  std::rotate(segment.begin(), segment.begin() + first, segment.end());
-  bool is_admissible_as_is = true;
-  for (int s = 0; s < source_.segment_count(); ++s) is_admissible_as_is = is_admissible_as_is && is_admissible(s);
-  const std::string why = work_ > settings_.most_work ? too_much_work : std::string();
-  if (is_admissible_as_is && written >= source_.segment_count()) return as_it_was(why);
-
-  std::optional<Point> implied_first;
-  Points points(static_cast<Eigen::Index>(4 * out.size()), 2);
-  std::vector<PointKind> kinds;
-  const auto add = [&](const Point& p, PointKind kind) {
-    points.row(static_cast<Eigen::Index>(kinds.size())) = p.transpose();
-    kinds.push_back(kind);
-  };
-  for (std::size_t i = 0; i < out.size(); ++i) {
-    const Bezier& b = out[i];
-    const std::size_t previous = i == 0 ? out.size() - 1 : i - 1;
-    const Bezier& before = out[previous];
-    const int own = segment[i];
-    const int own_before = segment[previous];
-    // What is kept has the source's bits, its ends too; between two that are, an implied node stays one.
-    const int node = own >= 0 ? source_.node(own) : own_before >= 0 ? source_.point_of(own_before, before.degree) : -1;
-    const bool is_middle = b.degree == 2 && before.degree == 2 && b.start() == 0.5 * (before.p[1] + b.p[1]);
-    // The first node is one of its own if it can be: where a list begins with a handle, readers begin elsewhere.
-    const bool is_implied = node < 0 ? is_middle && (i > 0 || whole(b.start()) != b.start())
-                                     : own >= 0 && own_before >= 0 && source_.next(own_before) == own &&
-                                           source_.kind(node) == PointKind::ImpliedNode;
-    const Point start = node < 0 ? Point(b.start() + origin_) : source_.point(node);
-    if (is_implied && i == 0) {
-      implied_first = start;
-    } else {
-      add(start, is_implied ? PointKind::ImpliedNode : PointKind::Node);
-    }
-    for (int k = 1; k < b.degree; ++k) {
-      add(own < 0 ? Point(b.p[at(k)] + origin_) : source_.point(source_.point_of(own, k)),
-          b.degree == 2 ? PointKind::Quadratic : PointKind::Cubic);
-    }
-  }
-  if (implied_first) add(*implied_first, PointKind::ImpliedNode);
-  points.conservativeResize(static_cast<Eigen::Index>(kinds.size()), 2);
-  CompactFit fit;
-  fit.contour = BezierContour(std::move(points), std::move(kinds));
-  fit.work = work_;
-  fit.why = why;
-  for (const int kept : options.kept_segments)
-    fit.kept_at.push_back(static_cast<int>(std::ranges::find(segment, kept) - segment.begin()));
-  const auto [deviation, where] = farthest(source_, fit.contour, measuring_accuracy * options.tolerance);
-  fit.deviation = deviation;
-  fit.where = where;
-  return fit;
-}
-
 }  // namespace
 
-}  // namespace compact
-
-CompactFit fit_compact(const BezierContour& source, const CompactOptions& options) {
-  if (!(options.tolerance >= 0.0) || !std::isfinite(options.tolerance))
-    throw InvalidInput(text("fit_compact: the tolerance is ", options.tolerance));
-  if (!(options.units_per_em > 0.0))
-    throw InvalidInput(text("fit_compact: the em is ", options.units_per_em, " units"));
-  CompactFit fit;
-  CompactOptions aimed = options;
-  for (const double share : {1.0, 0.9, 0.7}) {  // what was missed between the places looked at
-    aimed.tolerance = share * options.tolerance;
-    fit = compact::ContourFit(source, aimed).run();
-    if (fit.deviation <= (1.0 - compact::measuring_accuracy) * options.tolerance) return fit;
-  }
-  if (fit.why.empty()) fit.why = text("it is ", fit.deviation, " units off");
-  return fit;
+std::optional<Result> search(const Task& task, const Settings& settings, long& work) {
+  return Search(task, settings, work).run();
 }
 
-}  // namespace fontcore
+}  // namespace fontcore::compact
