@@ -20,6 +20,9 @@ using fontcore::text;
 void require(bool holds, const std::string& else_why) {
   if (!holds) throw Malformed(else_why);
 }
+void require(bool holds, const char* else_why) {
+  if (!holds) throw Malformed(else_why);
+}
 
 std::uint32_t u24(View bytes, std::uint64_t at) { return std::uint32_t{u8(bytes, at)} << 16 | u16(bytes, at + 1); }
 
@@ -576,10 +579,12 @@ class CharstringChecker {
 
   End run(View code, int depth) {
     constexpr int deepest = 10;
-    require(depth <= deepest, text("its subroutines nest deeper than ", deepest));
-    require(code.size() <= longest, text("its charstring has ", code.size(), " bytes"));
+    // Not by `require`, here and below: making what it would say takes many times as long as a step.
+    if (depth > deepest) throw Malformed(text("its subroutines nest deeper than ", deepest));
+    if (code.size() > longest) throw Malformed(text("its charstring has ", code.size(), " bytes"));
     for (std::uint64_t at = 0; at < code.size();) {
-      require(++work_ <= most_charstring_work, text("its charstring takes over ", most_charstring_work, " steps"));
+      if (++work_ > most_charstring_work)
+        throw Malformed(text("its charstring takes over ", most_charstring_work, " steps"));
       const int b = code[at++];
       constexpr int word = 28;
       if (b >= 32 || b == word) {
@@ -621,7 +626,8 @@ class CharstringChecker {
 
   void push(std::optional<int> value) {
     constexpr std::size_t most_operands = 48;
-    require(stack_.size() < most_operands, text("its charstring has more than ", most_operands, " operands"));
+    if (stack_.size() >= most_operands)
+      throw Malformed(text("its charstring has more than ", most_operands, " operands"));
     stack_.push_back(value);
   }
 
@@ -630,8 +636,8 @@ class CharstringChecker {
     const int bias = subroutines.count < 1240 ? 107 : subroutines.count < 33900 ? 1131 : 32768;
     const int number = *stack_.back() + bias;
     stack_.pop_back();
-    require(number >= 0 && number < subroutines.count,
-            text("its charstring calls subroutine ", number, " of ", subroutines.count));
+    if (number < 0 || number >= subroutines.count)
+      throw Malformed(text("its charstring calls subroutine ", number, " of ", subroutines.count));
     return subroutines.object(number);
   }
 

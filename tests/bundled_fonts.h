@@ -23,4 +23,17 @@ inline std::vector<std::string> bundled_fonts() {
   return all;
 }
 
+#if defined(__SANITIZE_ADDRESS__)
+inline constexpr bool is_sanitized = true;
+#elif defined(__has_feature)
+inline constexpr bool is_sanitized = __has_feature(address_sanitizer);
+#else
+inline constexpr bool is_sanitized = false;
+#endif
+
+/// All of them; under sanitizers, where the work on each takes many times as long, one of TrueType and one of CFF.
+inline std::vector<std::string> bundled_fonts_for_long_work() {
+  return is_sanitized ? std::vector{bundled_ttf[0], bundled_otf[0]} : bundled_fonts();
+}
+
 inline const std::string letters = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ";

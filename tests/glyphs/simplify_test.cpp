@@ -97,7 +97,7 @@ double excess_of_turn(const BezierContour& source, const BezierContour& now, int
 
 TEST_CASE("letters of every bundled font are simplified within the tolerance, on whole numbers, smooth where they were",
           "[simplify]") {
-  for (const std::string& path : bundled_fonts()) {
+  for (const std::string& path : bundled_fonts_for_long_work()) {
     const Font font = load_font(path);
     for (const Extrema extrema : {Extrema::Keep, Extrema::Free}) {
       CompactOptions options = options_for(font, extrema);
@@ -140,7 +140,7 @@ TEST_CASE("letters of every bundled font are simplified within the tolerance, on
 TEST_CASE("kept segments of the letters of every bundled font come out bit for bit, smooth where they were",
           "[simplify]") {
   std::mt19937 engine(11);
-  for (const std::string& path : bundled_fonts()) {
+  for (const std::string& path : bundled_fonts_for_long_work()) {
     const Font font = load_font(path);
     for (const Extrema extrema : {Extrema::Keep, Extrema::Free}) {
       CompactOptions options = options_for(font, extrema);
@@ -166,7 +166,7 @@ TEST_CASE("kept segments of the letters of every bundled font come out bit for b
 }
 
 TEST_CASE("moving a letter moves what it is simplified to, and mirroring mirrors it, bit for bit", "[simplify]") {
-  for (const std::string& path : bundled_fonts()) {
+  for (const std::string& path : bundled_fonts_for_long_work()) {
     const Font font = load_font(path);
     for (const Extrema extrema : {Extrema::Keep, Extrema::Free}) {
       const CompactOptions options = options_for(font, extrema);

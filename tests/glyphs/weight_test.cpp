@@ -308,7 +308,7 @@ TEST_CASE("texture rides along unthickened: a rough letter gains the ink that th
   const WeightModel model = model_of(open_sans);
   const auto gains = [&](std::optional<double> detail_scale) {
     Recipe recipe = weight_recipe(model);
-    recipe.glyphs = "a,n,o,e,H";
+    recipe.glyphs = is_sanitized ? "n,o" : "a,n,o,e,H";
     if (detail_scale) {
       CharacterStep brush;
       brush.library = load_library(bundled_font("libraries/dry_brush.json"));
@@ -325,7 +325,7 @@ TEST_CASE("texture rides along unthickened: a rough letter gains the ink that th
   const std::vector<double> plain = gains({});
   const std::vector<double> carried = gains(120.0);
   const std::vector<double> thickened = gains(0.0);
-  REQUIRE(plain.size() == 5);
+  REQUIRE(plain.size() == (is_sanitized ? 2U : 5U));
   for (std::size_t k = 0; k < plain.size(); ++k) {
     CAPTURE(k, plain[k], carried[k], thickened[k]);
     CHECK(carried[k] == Approx(plain[k]).epsilon(0.06));
