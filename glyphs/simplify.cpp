@@ -145,19 +145,11 @@ Contours simplify_glyph(const Font& font, int id, const SimplifyOptions& options
 
 }  // namespace
 
-int SimplifyResult::changed() const {
-  return static_cast<int>(std::ranges::count_if(glyphs, &SimplifiedGlyph::changed));
-}
-
-int SimplifyResult::refused() const {
-  return static_cast<int>(std::ranges::count_if(glyphs, [](const SimplifiedGlyph& g) { return !g.refused.empty(); }));
-}
-
 FileKind simplified_kind(const Font& font, SimplifiedCurve curve) {
   const FileKind own = kind_of(font);
   if (becomes_cff(font, curve)) return FileKind::OpenType;
   if (curve == SimplifiedCurve::Quadratic && own == FileKind::OpenType) {
-    throw RequestError(font.path + ": cubics do not become quadratics in a font file in this version");
+    throw RequestError(font.path + ": cubics become quadratics by convert to a .ttf");
   }
   return own;
 }
