@@ -16,7 +16,7 @@ namespace fontcore::compact {
 
 constexpr double degrees = std::numbers::pi / 180.0;
 constexpr double never = std::numeric_limits<double>::infinity();
-constexpr double polyline_sagitta = 0.006;  // share of the tolerance
+constexpr double polyline_sagitta = 0.006;     // share of the tolerance
 constexpr double smooth_turn = 1.5 * degrees;  // what joins that go on smoothly may turn on whole numbers
 
 inline std::size_t at(int i) { return static_cast<std::size_t>(i); }
