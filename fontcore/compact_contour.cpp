@@ -5,6 +5,7 @@
 
 #include "fontcore/compact.h"
 #include "fontcore/compact_search.h"
+#include "fontcore/degree.h"
 #include "fontcore/error.h"
 #include "fontcore/measure.h"
 
@@ -38,6 +39,8 @@ constexpr double leaning_handle = 8.0;
 constexpr double candidate_turn = 15.0 * degrees;
 constexpr double most_candidates = 56.0;
 constexpr double measuring_accuracy = 0.004;
+// Of the tolerance, what cubics that are cut into quadratics one by one may take: the rest is for rounding.
+constexpr double share_of_lowering = 0.5;
 constexpr const char* too_much_work = "the work for the shortest outline would be more than is allowed";
 
 // A segment of the source, or a part of it between extrema, or several that are one straight line.
@@ -90,7 +93,7 @@ class ContourFit {
   void sort_musts(Task& task) const;
   int most_pieces(int from, int to) const;
   Task task_of(int from, int to) const;
-  std::optional<std::vector<Bezier>> originals(int from, int to) const;
+  std::optional<Result> originals(int from, int to) const;
   BezierContour contour_of(const std::vector<Bezier>& pieces, const std::vector<int>& segment) const;
   CompactFit as_it_was(std::string why = {}) const;
   bool is_admissible(int segment) const;
@@ -256,13 +259,16 @@ void ContourFit::split_at_extrema() {
 }
 
 // The source's own segments, if they are of a kind that may be written.
-std::optional<std::vector<Bezier>> ContourFit::originals(int from, int to) const {
-  std::vector<Bezier> pieces;
+std::optional<Result> ContourFit::originals(int from, int to) const {
+  Result result;
+  std::vector<Bezier>& pieces = result.pieces;
   for (int i = from; i < to; ++i) {
     const Element& own = element(i);
-    if (own.sources == 0) continue;  // a part: the whole comes with the last
+    if (own.is_first) result.first = static_cast<int>(pieces.size());
+    const bool is_lowered = settings_.options.curve == CurveKind::Quadratic && own.curve.degree == 3;
+    if (own.sources == 0 && !is_lowered) continue;  // a part: the whole comes with the last
     Bezier b = own.curve;
-    if (b.degree > 1) {
+    if (b.degree > 1 && !is_lowered) {
       b = source_.segment(own.source);
       for (Point& p : b.p) p -= origin_;
       if (is_admissible(own.source)) {
@@ -275,12 +281,16 @@ std::optional<std::vector<Bezier>> ContourFit::originals(int from, int to) const
         b = {{b.p[0], (b.p[0] + 2.0 * q) / 3.0, (b.p[2] + 2.0 * q) / 3.0, b.p[2]}, 3};
       }
     }
-    for (int k = 0; k <= b.degree; ++k) b.p[at(k)] = whole(b.p[at(k)]);
-    if (is_beside_kept(i)) b.p[0] = own.curve.start();
-    if (is_beside_kept(i + 1)) b.p[at(b.degree)] = own.curve.end();
-    pieces.push_back(b);
+    std::vector<Bezier> own_pieces{b};
+    if (is_lowered) own_pieces = lowered_to_quadratics(b, share_of_lowering * settings_.options.tolerance);
+    for (Bezier& piece : own_pieces) {
+      for (int k = 0; k <= piece.degree; ++k) piece.p[at(k)] = whole(piece.p[at(k)]);
+    }
+    if (is_beside_kept(i)) own_pieces.front().p[0] = own.curve.start();
+    if (is_beside_kept(i + 1)) own_pieces.back().p[at(own_pieces.back().degree)] = own.curve.end();
+    pieces.insert(pieces.end(), own_pieces.begin(), own_pieces.end());
   }
-  return pieces;
+  return result;
 }
 
 // The first node stays where it is; where nodes are free, or it is no point of the font, the nearest will do.
@@ -725,25 +735,21 @@ CompactFit ContourFit::run() {
     Task task = task_of(from, to);
     std::optional<Result> result;
     if (task.most_pieces >= 1) result = search(task, settings_, work_);
-    if (result) {
-      pieces = std::move(result->pieces);
-      first_piece_[at(index)] = result->first;
+    const bool is_found = result.has_value();
+    if (!result) result = originals(from, to);
+    if (!result) {
+      return as_it_was(work_ > settings_.most_work ? too_much_work
+                                                   : "no quadratics were found that stay within the tolerance");
+    }
+    pieces = std::move(result->pieces);
+    first_piece_[at(index)] = result->first;
+    if (is_found) {
       if (task.start.is_corner) corner_turn_[at(index)] = result->start_turn;
       if (task.end.is_corner) corner_turn_[at(to % count())] = result->end_turn;
       const bool is_open = !task.stretch.is_closed;
       if (is_open && task.start.slides)
         fitted_[at((from - 1 + count()) % count())].back().p[1] = pieces.front().start();
       if (is_open && task.end.slides) fitted_[at(to % count())].front().p[0] = pieces.back().end();
-    } else if (auto own = originals(from, to)) {
-      pieces = std::move(*own);
-      int ended = 0;
-      for (int i = from; i < to; ++i) {
-        if (element(i).is_first) first_piece_[at(index)] = ended;
-        ended += element(i).sources > 0 ? 1 : 0;
-      }
-    } else {
-      return as_it_was(work_ > settings_.most_work ? too_much_work
-                                                   : "no quadratics were found that stay within the tolerance");
     }
     written += static_cast<int>(pieces.size());
     from = to;

@@ -77,6 +77,17 @@ BezierContour raised_to_cubics(const BezierContour& contour) {
   return list.contour();
 }
 
+std::vector<Bezier> lowered_to_quadratics(const Bezier& cubic, double distance) {
+  const double bend = (cubic.p[3] - 3.0 * cubic.p[2] + 3.0 * cubic.p[1] - cubic.p[0]).norm();
+  constexpr double most = 64.0;
+  const double count = std::ceil(std::cbrt(std::sqrt(3.0) / 36.0 * bend / distance));
+  std::vector<Bezier> pieces;
+  for (const Bezier& piece : cut_evenly(cubic, static_cast<int>(std::clamp(count, 1.0, most)))) {
+    pieces.push_back({{piece.start(), control_within(piece, distance), piece.end(), Point::Zero()}, 2});
+  }
+  return pieces;
+}
+
 BezierContour lowered_to_quadratics(const BezierContour& contour, double distance, bool is_whole) {
   if (!(distance > 0.0)) throw InvalidInput(text("lowered_to_quadratics: the distance is ", distance));
   const auto placed = [&](const Point& p) { return is_whole ? Point((p.array() + 0.5).floor()) : p; };
@@ -86,13 +97,10 @@ BezierContour lowered_to_quadratics(const BezierContour& contour, double distanc
     list.add(placed(b.start()), PointKind::Node);
     if (b.degree == 2) list.add(placed(b.p[1]), PointKind::Quadratic);
     if (b.degree != 3) continue;
-    const double bend = (b.p[3] - 3.0 * b.p[2] + 3.0 * b.p[1] - b.p[0]).norm();
-    constexpr double most = 64.0;
-    const double count = std::ceil(std::cbrt(std::sqrt(3.0) / 36.0 * bend / distance));
     bool is_inner = false;
-    for (const Bezier& piece : cut_evenly(b, static_cast<int>(std::clamp(count, 1.0, most)))) {
+    for (const Bezier& piece : lowered_to_quadratics(b, distance)) {
       if (is_inner) list.add(placed(piece.start()), PointKind::Node);
-      list.add(placed(control_within(piece, distance)), PointKind::Quadratic);
+      list.add(placed(piece.p[1]), PointKind::Quadratic);
       is_inner = true;
     }
   }

@@ -18,6 +18,8 @@ BezierContour raised_to_cubics(const BezierContour& contour);
 ///         at most sqrt(3)/36 |p3 - 3 p2 + 3 p1 - p0| apart, which falls with the cube of the number of pieces.
 /// Throws  InvalidInput if the distance is not positive.
 BezierContour lowered_to_quadratics(const BezierContour& contour, double distance, bool is_whole);
+/// One cubic, as there before rounding.
+std::vector<Bezier> lowered_to_quadratics(const Bezier& cubic, double distance);
 
 /// The outline without points that it does not need: a node within a distance of the middle between two quadratic
 /// handles is implied by them, and goes there. The first point stays, unless it is just in the middle.

@@ -72,7 +72,7 @@ class OutlineConverter {
       long spent = 0;
       for (const BezierContour& contour : before) {
         fontcore::CompactFit fit = fits_.fit(contour, compact_, spent);
-        const bool is_fitted = fit.why.empty() && is_of_kind(fit.contour);
+        const bool is_fitted = fit.deviation <= tolerance_ && is_of_kind(fit.contour);
         if (is_fitted) {
           add(after, contour, std::move(fit.contour), fit.deviation);
         } else {

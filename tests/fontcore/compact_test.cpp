@@ -173,6 +173,18 @@ TEST_CASE("quadratics between extrema whose tangents are parallel meet halfway, 
   CHECK(fit.contour.segment_count() <= 3 + 6);
 }
 
+TEST_CASE("cubics that nothing is left to search quadratics for are cut into them one by one", "[compact]") {
+  for (const Coordinates coordinates : {Coordinates::Whole, Coordinates::Any}) {
+    const CompactFit fit =
+        fit_compact(shapes::circle(250),
+                    {.tolerance = 1.5, .curve = CurveKind::Quadratic, .coordinates = coordinates, .most_work = 0});
+    CHECK_FALSE(fit.why.empty());
+    CHECK(fit.deviation <= 1.5);
+    CHECK(std::ranges::count(fit.contour.kinds(), PointKind::Cubic) == 0);
+    CHECK((fit.contour.point(0) - shapes::circle(250).point(0)).norm() == 0.0);
+  }
+}
+
 TEST_CASE("at tolerance 0 an outline stays as it is", "[compact]") {
   for (const BezierContour& source : shapes::letter_a()) {
     const CompactFit fit = fit_compact(source, {.tolerance = 0.0});
