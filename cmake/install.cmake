@@ -8,9 +8,11 @@ install(TARGETS fontcore glyphs EXPORT glyphwaveTargets)
 if(GLYPHWAVE_TOOLS)
   install(TARGETS glyphwave)
 endif()
+set(private_headers compact_chain.h compact_search.h canvas.h emission.h glif.h glyph_editor.h json_reader.h sfnt_cff.h
+    sfnt_check.h sfnt_tables.h shared_fits.h variation_tables.h weight_law.h xml.h)
+list(TRANSFORM private_headers REPLACE "(.+)" "PATTERN;\\1;EXCLUDE")
 install(DIRECTORY fontcore glyphs DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/glyphwave
-        FILES_MATCHING PATTERN "*.h" PATTERN "sfnt_tables.h" EXCLUDE PATTERN "sfnt_cff.h" EXCLUDE
-        PATTERN "sfnt_check.h" EXCLUDE PATTERN "xml.h" EXCLUDE PATTERN "glif.h" EXCLUDE)
+        FILES_MATCHING PATTERN "*.h" ${private_headers})
 install(FILES LICENSE NOTICE DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/glyphwave)
 
 install(EXPORT glyphwaveTargets NAMESPACE glyphwave:: DESTINATION ${package_dir})

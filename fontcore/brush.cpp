@@ -511,7 +511,7 @@ LinkedCurve sketch(const std::vector<Points>& strokes, const SketchOptions& opti
     const Point start = start_direction(line);
     const Point end = end_direction(line);
     const bool is_corner = std::abs(angle(end, start)) > options.join_angle;
-    const Tangent meeting{0.5 * (first + last), is_corner ? Point::Zero() : Point((start + end).normalized())};
+    const Ray meeting{0.5 * (first + last), is_corner ? Point::Zero() : Point((start + end).normalized())};
     drawn.run = with_ends(drawn.run, meeting, meeting, blend, chord_share * linked.epsilon);
     drawn.run.pop_back();
     if (is_corner) drawn.corners.push_back(0.0);
@@ -564,12 +564,12 @@ LinkedCurve sketch_over(const LinkedCurve& curve, const std::vector<Points>& str
   const double blend = blend_of(options, stroke.points);
   DrawnRun drawn = drawn_run(stroke, replaced.from, replaced.from + length(replaced));
   const auto join = [&](double t, Side side, const Point& direction) {
-    Tangent tangent{bezier.evaluate(t), bezier.tangent(t, side)};
+    Ray tangent{bezier.evaluate(t), bezier.tangent(t, side)};
     if (std::abs(angle(tangent.direction, direction)) > options.join_angle) tangent.direction.setZero();
     return tangent;
   };
-  const Tangent start = join(replaced.from, Side::Left, start_direction(stroke.points));
-  const Tangent end = join(replaced.to, Side::Right, end_direction(stroke.points));
+  const Ray start = join(replaced.from, Side::Left, start_direction(stroke.points));
+  const Ray end = join(replaced.to, Side::Right, end_direction(stroke.points));
   drawn.run = with_ends(drawn.run, start, end, blend, chord_share * curve.epsilon());
   SampledSplice splice = splice_of(drawn.run);
   for (const double t : drawn.corners) splice.pins.push_back({.t = t, .is_corner = true});
@@ -656,8 +656,8 @@ LinkedCurve bent(const LinkedCurve& curve, const HeldCorner& corner, bool is_cor
   const double accuracy = chord_share * curve.epsilon();
   Run before = curve.sample({wrapped(corner.t - room(curve, corner.t, -1.0, corner.control)), corner.t}).samples;
   Run after = curve.sample({corner.t, wrapped(corner.t + room(curve, corner.t, 1.0, corner.control))}).samples;
-  const Tangent start{before.front().p, Point::Zero()};
-  const Tangent end{after.back().p, Point::Zero()};
+  const Ray start{before.front().p, Point::Zero()};
+  const Ray end{after.back().p, Point::Zero()};
   before = with_ends(before, start, {corner.p, corner.in.normalized()}, 2.0 * length_of(before), accuracy);
   after = with_ends(after, {corner.p, corner.out.normalized()}, end, 2.0 * length_of(after), accuracy);
   const std::size_t middle = before.size() - 1;

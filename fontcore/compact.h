@@ -50,8 +50,8 @@ struct CompactFit {
 /// The direction stays, and the first node the first; with free extrema, that of a smooth contour is the node nearest
 /// to where it was. A corner keeps its angle within 2 degrees and what one and a half units at its shorter handle turn
 /// it. The source's own nodes mean nothing but a hint where to join: it may be cut as finely as it likes. With more
-/// than `most_work` to do, stretches not yet looked at stay as they are. Cubics of a stretch for which no quadratics are
-/// found are cut into them one by one.
+/// than `most_work` to do, stretches not yet looked at stay as they are. Cubics of a stretch for which no quadratics
+/// are found are cut into them one by one.
 ///
 /// Cubics for a stretch that is cut very finely, as texture is, come from a search window by window, linear in length;
 /// on whole numbers half a unit or so is less than texture can be followed within, and `why` says so.

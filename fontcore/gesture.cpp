@@ -691,7 +691,7 @@ struct Missing {
   Point slope = Point::Zero();
   double reach = 1.0;
 
-  Missing(const Tangent& wanted, const Point& is, const Point& is_direction, double over)
+  Missing(const Ray& wanted, const Point& is, const Point& is_direction, double over)
       : position(wanted.point - is), reach(over) {
     if (!wanted.direction.isZero(0.0)) slope = wanted.direction - is_direction;
   }
@@ -759,7 +759,7 @@ void drop_repeated(Run& run) {
 
 }  // namespace
 
-Run with_ends(const Run& run, const Tangent& start, const Tangent& end, double reach, double accuracy) {
+Run with_ends(const Run& run, const Ray& start, const Ray& end, double reach, double accuracy) {
   if (!(reach > 0.0 && accuracy > 0.0)) throw InvalidInput(text("with_ends: reach ", reach, ", accuracy ", accuracy));
   for (const Point& x : {start.point, start.direction, end.point, end.direction}) require_finite_point("with_ends", x);
   if (run.size() < 2) throw InvalidInput(text("with_ends: a run of ", run.size(), " samples"));

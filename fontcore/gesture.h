@@ -125,7 +125,7 @@ Stroke tidy(const Points& drawn, const StrokeOptions& options = {});
 Stroke average(const std::vector<Stroke>& strokes);
 
 /// A point with a unit direction.
-struct Tangent {
+struct Ray {
   Point point = Point::Zero();
   Point direction = Point::Zero();
 };
@@ -138,7 +138,7 @@ struct Tangent {
 /// Shape   the run's own samples, and more where the bending needs them: chords are within `accuracy` of it.
 /// Exact   ends bit for bit; the first and last edge have their direction to rounding.
 /// Throws  InvalidInput if the run has no length, reach or accuracy are not positive, or a number is not finite.
-Run with_ends(const Run& run, const Tangent& start, const Tangent& end, double reach, double accuracy);
+Run with_ends(const Run& run, const Ray& start, const Ray& end, double reach, double accuracy);
 
 /// A run without its features shorter than `scale`, ends and their directions kept.
 ///

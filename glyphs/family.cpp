@@ -254,7 +254,7 @@ FamilyResult restyle_family_into(const FamilyOutputs& outputs, const std::vector
     done.font = fonts[k];
     done.name = surveyed[k].name;
     done.units_per_em = font.units_per_em;
-    done.refusals = refusals(font, result);
+    done.refusals = glyphs::refusals(font, result.font, result);
     is_refused = is_refused || !done.refusals.empty();
     sections.push_back(section(shown_name(done.font), report_json(font, result)));
     if (!is_refused || !outputs.strict) {

@@ -98,6 +98,21 @@ struct GlyphChanges {
   }
 };
 
+/// The glyphs that stay as they were, or come out empty, though nobody asked for it: each by name and why.
+template <typename Change>
+std::vector<std::string> refusals(const Font& font, const WrittenFont& written, const GlyphChanges<Change>& changes) {
+  const auto line = [](const std::string& name, const std::string& why) { return name + " (" + why + ")"; };
+  std::vector<std::string> refused;
+  for (const auto& [id, why] : written.emptied) {
+    const bool is_listed = std::ranges::count(changes.glyphs, id, &Change::glyph) > 0;
+    if (!is_listed) refused.push_back(line(font.glyphs[static_cast<std::size_t>(id)].name, "comes out empty: " + why));
+  }
+  for (const Change& change : changes.glyphs) {
+    if (!change.refused.empty()) refused.push_back(line(change.name, change.refused));
+  }
+  return refused;
+}
+
 /// Bytes that every glyph takes in the file the font was read from, by glyph id: of its entry in `glyf`, of its
 /// charstring, of its file in a UFO. 0 where there is nothing, and in fonts with other outlines.
 std::vector<std::int64_t> glyph_bytes(const Font& font);

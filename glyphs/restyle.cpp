@@ -317,18 +317,6 @@ RestyleResult restyle(const Font& font, const Recipe& given, const RestyleOption
   return result;
 }
 
-std::vector<std::string> refusals(const Font& font, const RestyleResult& result) {
-  std::vector<std::string> refused;
-  for (const auto& [id, why] : result.font.emptied) {
-    const bool is_reported = std::ranges::count(result.glyphs, id, &GlyphReport::glyph) > 0;
-    if (!is_reported) refused.push_back(text(font.glyphs[static_cast<std::size_t>(id)].name, " (", why, ")"));
-  }
-  for (const GlyphReport& glyph : result.glyphs) {
-    if (!glyph.refused.empty()) refused.push_back(text(glyph.name, " (", glyph.refused, ")"));
-  }
-  return refused;
-}
-
 std::string report_json(const Font& font, const RestyleResult& result) {
   using Json = nlohmann::ordered_json;
   const auto names = [&](const std::vector<int>& ids) { return glyph_names(font, ids); };

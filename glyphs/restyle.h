@@ -119,9 +119,6 @@ std::vector<int> glyphs_to_restyle(const Font& font, const Recipe& recipe, const
 /// does; FontWriteError as `write_font` does.
 RestyleResult restyle(const Font& font, const Recipe& recipe, const RestyleOptions& options = {});
 
-/// Glyphs that were refused or come out empty, selected or not, each as "name (why)".
-std::vector<std::string> refusals(const Font& font, const RestyleResult& result);
-
 /// The report as JSON text; same result, same bytes.
 std::string report_json(const Font& font, const RestyleResult& result);
 

@@ -367,14 +367,6 @@ std::string what_was_dropped(const glyphs::WrittenFont& written) {
 }
 
 /// Selected glyphs that stay as they were though something was asked of them, and why.
-template <typename Change>
-std::vector<std::string> refusals(const glyphs::GlyphChanges<Change>& changes) {
-  std::vector<std::string> refused;
-  for (const Change& glyph : changes.glyphs)
-    if (!glyph.refused.empty()) refused.push_back(glyph.name + " (" + glyph.refused + ")");
-  return refused;
-}
-
 /// What --strict does with refusals.
 Outcome nothing_written(const Request& request, const std::vector<std::string>& refused) {
   return {"", text(request.font, ": ", count(refused.size(), "glyph"), " refused, nothing written: ", few(refused)), 1};
@@ -428,7 +420,7 @@ std::string summary(const Request& request, const RestyleRequest& restyle, const
                          " changed by ", restyle.recipe, "\n");
   if (!reduced.empty()) out += "reduced so that nothing crosses: " + few(reduced) + "\n";
   if (!held_back.empty()) out += "rules stood against the move of: " + few(held_back) + "\n";
-  if (result.refused() > 0) out += "refused, left as they were: " + few(refusals(result)) + "\n";
+  if (result.refused() > 0) out += "refused, left as they were: " + few(refusals(font, {}, result)) + "\n";
   if (widest != nullptr) {
     out += text("largest displacement: ", rounded(widest->largest_displacement, 4), " of ", font.units_per_em,
                 " units per em, in ", widest->name, "\n");
@@ -476,7 +468,7 @@ Outcome restyle_by(const Request& request, const RestyleRequest& restyle, const 
   glyphs::RestyleResult result = naming(request.font, [&] { return glyphs::restyle(font, recipe, options); });
 
   if (restyle.strict && (result.refused() > 0 || !result.font.emptied.empty()))
-    return nothing_written(request, glyphs::refusals(font, result));
+    return nothing_written(request, refusals(font, result.font, result));
 
   const bool has_report = request.json || !restyle.report.empty();
   const std::string report = has_report ? glyphs::report_json(font, result) : std::string();
@@ -745,7 +737,7 @@ std::string simplify_summary(const Request& request, const SimplifyRequest& simp
   }
   std::string out = text(request.font, ": ", result.changed(), " of ", count(result.glyphs.size(), "selected glyph"),
                          " simplified: ", after, " segments for ", before, "\n");
-  if (result.refused() > 0) out += "left as they were: " + few(refusals(result)) + "\n";
+  if (result.refused() > 0) out += "left as they were: " + few(refusals(font, {}, result)) + "\n";
   if (worst != nullptr) {
     out += text("largest deviation: ", rounded(worst->deviation, 4), " of ", font.units_per_em, " units per em, in ",
                 worst->name, ", contour ", worst->worst_contour, ", at ", rounded(worst->where.x()), ",",
@@ -785,7 +777,7 @@ Outcome simplify(const Request& request, const SimplifyRequest& simplify) {
   glyphs::SimplifyResult result = naming(request.font, [&] { return glyphs::simplify(font, options); });
 
   if (simplify.strict && (result.refused() > 0 || !result.font.emptied.empty()))
-    return nothing_written(request, refusals(result));
+    return nothing_written(request, refusals(font, result.font, result));
   const bool has_report = request.json || !simplify.report.empty();
   const std::string report = has_report ? glyphs::simplify_json(font, options, result) : std::string();
   std::vector<glyphs::PendingFile> files;
@@ -943,7 +935,7 @@ std::string apply_summary(const Request& request, const ApplyWeightRequest& appl
   }
   if (result.layout.kerning_pairs > 0)
     out += text("kerning kept: ", result.layout.kerning_pairs, " pairs have a glyph that is drawn otherwise\n");
-  if (result.refused() > 0) out += "left as they were: " + few(refusals(result)) + "\n";
+  if (result.refused() > 0) out += "left as they were: " + few(refusals(font, {}, result)) + "\n";
   if (!reduced.empty()) out += "by a smaller share than was asked: " + few(reduced) + "\n";
   out += what_changed(font, result.font) + what_was_dropped(result.font);
   out += errors;
@@ -986,7 +978,7 @@ Outcome apply_weight(const Request& request, const ApplyWeightRequest& apply) {
   }
   glyphs::ReweightResult result = naming(request.font, [&] { return glyphs::reweight(font, model, options); });
   if (apply.strict && (result.refused() > 0 || !result.font.emptied.empty()))
-    return nothing_written(request, refusals(result));
+    return nothing_written(request, refusals(font, result.font, result));
   const bool has_report = request.json || !apply.report.empty();
   const std::string report = has_report ? glyphs::reweight_json(font, options, result) : std::string();
   std::vector<glyphs::PendingFile> files;

@@ -255,6 +255,20 @@ TEST_CASE("marks follow a click and a drag, and bound what tools change", "[brus
   CHECK_FALSE(unmark(marked).marks().has_value());
 }
 
+TEST_CASE("freezing without a path is of the marked stretch, or of the whole curve", "[brush]") {
+  const LinkedCurve curve(shapes::circle(300.0), {.epsilon = 0.5});
+  const LinkedCurve frozen = freeze_marked(curve.with_marks(Interval{0.2, 0.4}));
+  REQUIRE(frozen.frozen().size() == 1);
+  CHECK(frozen.frozen()[0].from == 0.2);
+  CHECK(frozen.frozen()[0].to == 0.4);
+  const LinkedCurve half = thaw_marked(frozen.with_marks(Interval{0.3, 0.5}));
+  REQUIRE(half.frozen().size() == 1);
+  CHECK(half.frozen()[0].to == 0.3);
+  CHECK(thaw_marked(frozen.with_marks(std::nullopt)).frozen().empty());
+  const LinkedCurve pushed = push(freeze_marked(curve), Tip(Circle{50.0}), points_of({{0, 270}, {250, 200}, {265, 0}}));
+  for (int k = 0; k < 100; ++k) CHECK(pushed.bezier().evaluate(k / 100.0) == curve.bezier().evaluate(k / 100.0));
+}
+
 TEST_CASE("smoothing under the marks takes a wiggle away there alone", "[brush]") {
   Points wavy = circle_points(300.0, 600);
   for (int i = 0; i < 600; ++i) wavy.row(i) *= 1.0 + 0.01 * std::sin(i * 0.8);

@@ -250,8 +250,8 @@ TEST_CASE("the average of strokes about a line is nearer to it than they are", "
 }
 
 TEST_CASE("bent ends meet their points with their tangents, and the middle stays", "[gesture]") {
-  const Tangent start{{310.0, 40.0}, Point(0.6, 0.8)};
-  const Tangent end{{-240.0, 180.0}, Point(-0.28, -0.96)};
+  const Ray start{{310.0, 40.0}, Point(0.6, 0.8)};
+  const Ray end{{-240.0, 180.0}, Point(-0.28, -0.96)};
   const auto bent_arc = [&](int count, double accuracy) {
     Run arc;
     const Points points = arc_of(300.0, 0.2, 2.4, count);

@@ -263,3 +263,17 @@ TEST_CASE("cubics of a font file do not become quadratics", "[simplify]") {
   CHECK_THROWS_AS(simplify(font, {.curve = SimplifiedCurve::Quadratic}), RequestError);
   CHECK_THROWS_AS(simplify(font, {.tolerance = -1.0}), fontcore::InvalidInput);
 }
+
+TEST_CASE("refusals name glyphs that come out empty, selected or not", "[simplify]") {
+  Font font;
+  font.glyphs.resize(3);
+  font.glyphs[2].name = "yen";
+  SimplifyResult result;
+  result.font.emptied = {{1, "no end"}, {2, "no points"}};
+  result.glyphs.resize(1);
+  result.glyphs[0].glyph = 1;
+  result.glyphs[0].name = "a";
+  result.glyphs[0].refused = "comes out empty: no end";
+  CHECK(refusals(font, result.font, result) ==
+        std::vector<std::string>{"yen (comes out empty: no points)", "a (comes out empty: no end)"});
+}
