@@ -10,10 +10,6 @@ namespace fontcore::compact {
 
 namespace {
 
-double cross(const Point& a, const Point& b) { return a.x() * b.y() - a.y() * b.x(); }
-Point left_of(const Point& a) { return {-a.y(), a.x()}; }
-double angle(const Point& a, const Point& b) { return std::atan2(cross(a, b), a.dot(b)); }
-
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 // Handles stay between these shares of the arc below their curve.
